@@ -21,13 +21,12 @@ _LIT = 0.5
 
 @dataclass(frozen=True)
 class GroupSummary:
-    """One group: median level and noise (DN), mean of every row and column, histogram of whole DN."""
+    """One group: its frames, median level and noise (DN), histogram of whole DN."""
 
     kind: str
+    frames: tuple[int, ...]
     median: float
     noise: float
-    rows: np.ndarray
-    columns: np.ndarray
     codes: np.ndarray | None
 
 
@@ -75,7 +74,7 @@ def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) 
     ones = [np.zeros(n, np.int64) for n in shape]
     zeros = [np.zeros(n, np.int64) for n in shape]
     for group in groups:
-        rows, columns, medians = np.zeros(shape[0]), np.zeros(shape[1]), []
+        medians = []
         top, bottom = np.ones(shape, bool), np.ones(shape, bool)
         codes = np.zeros(0, np.int64)
         ends_here: tuple[float, float] | None = None
@@ -83,9 +82,6 @@ def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) 
             frame = frames.read(i)
             np.minimum(low, frame, out=low)
             np.maximum(high, frame, out=high)
-            rows += np.median(frame, 1)
-            columns += np.median(frame, 0)
-            medians.append(float(np.median(frame)))
             if group.kind == "flat":
                 np.minimum(flat_low, frame, out=flat_low)
                 np.maximum(flat_high, frame, out=flat_high)
@@ -93,20 +89,20 @@ def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) 
                 top &= frame == ends_here[0]
                 bottom &= frame == ends_here[1]
             if whole:
-                values = frame.astype(np.int64)
+                values = frame.astype(np.min_scalar_type(int(frame.max())))  # small numbers are quick
                 for axis in (0, 1):
                     ones[axis] |= np.bitwise_or.reduce(values, axis=1 - axis)
-                    zeros[axis] |= np.bitwise_or.reduce(~values, axis=1 - axis)
+                    zeros[axis] |= ~np.bitwise_and.reduce(values, axis=1 - axis).astype(np.int64)
                 counts = np.bincount(values.ravel(), minlength=len(codes))
+                medians.append(_median_of(counts))
                 counts[: len(codes)] += codes
                 codes = counts
+            else:
+                medians.append(float(np.median(frame)))
         middle = float(np.median(medians))
         noise = max(float(np.median([facts[i].noise for i in group.indices])), 1.0)
-        n = len(group.indices)
-        levels.append(
-            GroupSummary(group.kind, middle, noise, rows / n, columns / n, codes if whole else None)
-        )
-        if ends_here is not None and n > 1:
+        levels.append(GroupSummary(group.kind, group.indices, middle, noise, codes if whole else None))
+        if ends_here is not None and len(group.indices) > 1:
             for end, there in zip(ends_here, (top, bottom)):
                 if abs(end - middle) > _APART * noise:
                     ends |= there
@@ -114,7 +110,14 @@ def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) 
     return Extremes(tuple(levels), low, high, flat_low, flat_high, ends, bits[0], bits[1])
 
 
-def lit_window(seen: Extremes, found: Findings) -> tuple[int, int, int, int] | None:
+def _median_of(counts: np.ndarray) -> float:
+    """Median of whole numbers, of which there are so many of each."""
+    below = np.cumsum(counts)
+    middle = [(below[-1] - 1) // 2, below[-1] // 2]
+    return float(np.searchsorted(below, middle, side="right").mean())
+
+
+def lit_window(frames: FrameSet, seen: Extremes, found: Findings) -> tuple[int, int, int, int] | None:
     """Rows and columns that see light, where lines at an edge see none (overscan, optically black lines).
 
     A covered line is at less than 2 % of the median response and its neighbour at more than half of it, in the
@@ -129,7 +132,8 @@ def lit_window(seen: Extremes, found: Findings) -> tuple[int, int, int, int] | N
     if bright.median - dark.median < _APART * bright.noise:
         return None
     window, said = [], []
-    for name, lit, unlit in (("rows", bright.rows, dark.rows), ("columns", bright.columns, dark.columns)):
+    lines = (_line_levels(frames, v.frames) for v in (bright, dark))
+    for name, lit, unlit in zip(("rows", "columns"), *lines):
         response = lit - unlit
         response = response / np.median(response)
         first, last = _covered(response), len(response) - _covered(response[::-1])
@@ -142,6 +146,13 @@ def lit_window(seen: Extremes, found: Findings) -> tuple[int, int, int, int] | N
     )
     r0, r1, c0, c1 = window
     return r0, r1, c0, c1
+
+
+def _line_levels(frames: FrameSet, indices: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Means over frames of the medians of rows, (H,), and of columns, (W,)."""
+    medians = [(np.median(frame, 1), np.median(frame, 0)) for frame in map(frames.read, indices)]
+    rows, columns = zip(*medians)
+    return np.mean(rows, 0, np.float64), np.mean(columns, 0, np.float64)
 
 
 def _covered(response: np.ndarray) -> int:

@@ -9,6 +9,7 @@ from scipy import ndimage, stats
 
 from visaug.characterization.groups import FlatLevel
 from visaug.characterization.moments import GroupMoments
+from visaug.core.constants import MAD
 
 HIGH_PASS = 5  # the standard's box of 5 x 5
 
@@ -81,7 +82,7 @@ def defect_counts(values: np.ndarray) -> dict[str, np.ndarray]:
     """Pixels farther from the mean than so many robust standard deviations, and how many a normal pattern has."""
     sigmas = (4.0, 5.0, 6.0, 8.0)
     centred = values - np.median(values)
-    spread = 1.4826 * np.median(np.abs(centred))
+    spread = MAD * np.median(np.abs(centred))
     return {
         "sigma": np.array(sigmas),
         "limit": np.array(sigmas) * spread,

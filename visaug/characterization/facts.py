@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from visaug.core.constants import MAD
 from visaug.frames import FrameSet
 
 PLACES = ((0, 0), (0, 1), (1, 0), (1, 1))  # of a 2 x 2
@@ -40,7 +41,7 @@ def look(frames: FrameSet) -> list[Facts]:
 
 def facts_of(frame: np.ndarray) -> Facts:
     largest = float(frame.max())
-    whole = frame.astype(np.int64)
+    whole = frame.astype(np.min_scalar_type(int(largest)))  # small numbers are quick
     bits = int(np.bitwise_or.reduce(whole, axis=None)) if (whole == frame).all() else None
     return Facts(
         mean=float(frame.mean(dtype=np.float64)),
@@ -59,7 +60,7 @@ def _noise(frame: np.ndarray) -> float:
     if frame.shape[1] < 4:
         return float(frame.std(dtype=np.float64))
     difference = frame[::4, 2:] - frame[::4, :-2]
-    return float(1.4826 * np.median(np.abs(difference - np.median(difference))) / np.sqrt(2))
+    return float(MAD * np.median(np.abs(difference - np.median(difference))) / np.sqrt(2))
 
 
 def temporal_variances(frames: FrameSet, indices: Sequence[int]) -> np.ndarray:

@@ -18,6 +18,7 @@ from visaug.characterization.views import repaired, replaced
 from visaug.frames import FrameSet, Group
 from visaug.frames.checks import PILED_SHARE
 from visaug.statistics.findings import FALSE_ALARM, Findings
+from visaug.statistics.kernels import rank_values
 
 _STALE = 5e-4  # probability that one group of sound frames has such an outlier
 _HEAVY = 0.1  # probability that dips of normal noise count as heavy tails
@@ -213,28 +214,18 @@ def _gap(chance: float, n: int, skewness: float) -> float:
 def _peaks(frames: FrameSet, group: Group) -> _Peaks:
     """In one pass; the change of whole frames, of the rows of flats too (a lamp that flickers), is taken out."""
     one = frames.read(group.indices[0])
-    level, levels = float(np.median(one)), np.median(one, 1, keepdims=True)
     wide = 48  # columns, of which the median has less than a fifth of a pixel's noise
     by_rows = group.kind == "flat" and one.shape[1] >= wide
-    first = one.astype(np.float32)
-    second = np.full(one.shape, -np.inf, np.float32)
-    least, next_least = first.copy(), np.full(one.shape, np.inf, np.float32)
+    level = _levels(one, by_rows)
+    first, least, before = one.copy(), one.copy(), one
+    second, next_least = np.full_like(one, -np.inf), np.full_like(one, np.inf)
     which = np.zeros(one.shape, np.uint16)
-    before, steps = first, []
+    steps = []
     for n, i in enumerate(group.indices[1:], start=1):
         frame = frames.read(i)
-        if by_rows:
-            frame = frame + (levels - np.median(frame, 1, keepdims=True)).astype(np.float32)
-        else:
-            frame = frame + np.float32(level - np.median(frame))
-        above = frame > first
-        second = np.where(above, first, np.maximum(second, frame))
-        first = np.where(above, frame, first)
-        which[above] = n
-        below = frame < least
-        next_least = np.where(below, least, np.minimum(next_least, frame))
-        least = np.where(below, frame, least)
-        steps.append(float(np.abs(frame - before).mean(dtype=np.float64)))
+        frame = frame + (level - _levels(frame, by_rows)).astype(np.float32)
+        step = rank_values(frame, before, n, first, second, which, least, next_least)
+        steps.append(step / one.size)
         before = frame
     # of normal noise, from the mean absolute difference
     noise = 0.5 * math.sqrt(math.pi) * float(np.median(steps))
@@ -246,6 +237,11 @@ def _peaks(frames: FrameSet, group: Group) -> _Peaks:
         max(noise, 0.5),
         float((one == 0).mean()) > PILED_SHARE,
     )
+
+
+def _levels(frame: np.ndarray, by_rows: bool) -> np.ndarray:
+    """Median of each row, (H, 1), or of the frame, (1, 1)."""
+    return np.median(frame, 1, keepdims=True) if by_rows else np.median(frame, keepdims=True)
 
 
 def _rough_gain(groups: Sequence[Group], peaks: Sequence[_Peaks]) -> float:

@@ -15,6 +15,7 @@ from visaug.characterization.alike import SAME_C
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import surface, two_way
+from visaug.core.constants import MAD
 from visaug.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def add_maps(found: Findings, measured: Measured) -> None:
 
 def _stands_out(values: np.ndarray) -> np.ndarray:
     middle = np.median(values)
-    spread = 1.4826 * np.median(np.abs(values - middle))
+    spread = MAD * np.median(np.abs(values - middle))
     return (values - middle) / max(float(spread), 1e-12)
 
 

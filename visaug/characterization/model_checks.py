@@ -59,7 +59,7 @@ def screened(frames: FrameSet, facts: list[Facts], found: Findings) -> tuple[Fra
     if seen is None:
         return frames, facts
     codes.check(seen, found)
-    window = defective.lit_window(seen, found)
+    window = defective.lit_window(frames, seen, found)
     if window is not None:
         found.lit = window
         frames, seen = defective.cut(frames, seen, window)

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import stats
 
 from visaug.characterization.moments import GroupMoments
+from visaug.core.constants import MAD
 from visaug.core.intervals import variance_combination
 
 Interval = tuple[float, float, float]
@@ -84,7 +85,7 @@ def two_way(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, int
         rows, columns = filled.mean(1) - mean, filled.mean(0) - mean
         fitted = mean + rows[:, None] + columns[None]
         residual = values - fitted
-        spread = 1.4826 * np.median(np.abs(residual - np.median(residual)))
+        spread = MAD * np.median(np.abs(residual - np.median(residual)))
         bad = np.abs(residual) > defect * max(spread, 1e-12)
         if not bad.any() or bad.mean() > 0.05:
             bad[:] = False

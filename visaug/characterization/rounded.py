@@ -17,6 +17,7 @@ from scipy import optimize
 
 from visaug.characterization import tukey
 from visaug.characterization.moments import GroupMoments
+from visaug.core.constants import MAD
 from visaug.core.intervals import t_quantile
 from visaug.frames import FrameSet
 
@@ -78,7 +79,7 @@ def take_sample(
     chosen = np.random.default_rng(seed).permutation(height * width)[: pixels_of_coarse if coarse else pixels]
     rows, columns = np.divmod(np.sort(chosen), width)
     values = np.stack([frames.read(i)[rows, columns] for i in indices])
-    sigma = 1.4826 * np.median(np.abs(values - values.mean(0)))
+    sigma = MAD * np.median(np.abs(values - values.mean(0)))
     bins_per_sigma = 6
     step = max(1, round(max(sigma, 1.0) / bins_per_sigma))
     origin = max(int(values.min()) - 1, 0)

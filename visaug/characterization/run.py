@@ -112,7 +112,7 @@ def _few_frames(found: Findings, measured: Measured) -> None:
 
 
 def checked(frames: FrameSet) -> Findings:
-    """What the checks of the measurement model find, without the figures that no check needs.
+    """What the checks of the measurement model find, and the figures that `characterize` gives without a camera.
 
     Raises:
         InputError: frames that cannot be read.
@@ -121,10 +121,7 @@ def checked(frames: FrameSet) -> Findings:
     ready, facts = prepared(frames, found, frames.told_bits)
     ready, facts = model_checks.screened(ready, facts, found)
     measured = model_checks.tested(measure_groups(ready, facts, found.step_dn), found)
-    measured, transfer, _ = _from_light(found, measured)
-    if transfer is not None:
-        _pattern(found, measured, transfer, find_mosaic(ready, facts))
-    dark.dark_law(found, measured)
+    _measure(found, measured, None, 0, find_mosaic(ready, facts))
     return found
 
 

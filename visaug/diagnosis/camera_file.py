@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.characterization import characterize
+from visaug.characterization.alarms import found_by_checks
 from visaug.core.constants import ZERO_C_K
 from visaug.core.errors import InputError
 from visaug.diagnosis.fitting.parameters import BLACK, GAIN
@@ -102,10 +102,10 @@ def _fixed(camera: Camera, mistakes: Sequence[Mistake]) -> Camera | None:
 
 def suspects(camera: Camera, frames: FrameSet) -> list[Mistake]:
     """Figures that differ from the measurement as a mistake would make them differ, the nearest mistake of each."""
-    try:
-        measured = characterize(frames).parameters
-    except InputError:
+    checks = found_by_checks(frames)
+    if checks is None:
         return []
+    measured = checks.parameters
     exposures = {r.exposure_s for r in frames.records if r.exposure_s}
     found = list(_bit_depth(camera, measured))
     shifted = {key for m in found for key in (m.key, *(path for path, _ in m.also))}

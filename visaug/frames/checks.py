@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from visaug.core.constants import MAD
 from visaug.core.wording import first_of
 
 if TYPE_CHECKING:
@@ -99,7 +100,7 @@ def _lit_bias(frames: FrameSet, means: np.ndarray, spreads: np.ndarray) -> list[
             continue
         indices = np.array(group.indices)
         level, spread = np.median(means[indices]), np.median(spreads[indices])
-        scatter = 1.4826 * np.median(np.abs(means[indices] - level))
+        scatter = MAD * np.median(np.abs(means[indices] - level))
         if len(indices) > 2:
             lit += [int(i) for i in indices if means[i] - level > max(6 * scatter, 0.25 * spread, 0.5)]
         darks = [

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from visaug.core.constants import MAD
 from visaug.frames import FrameSet, Group
 from visaug.statistics import GroupData
 
@@ -120,7 +121,7 @@ class FrameGroup:
 def _beyond(pixels: np.ndarray) -> np.ndarray:
     """How far pixels lie beyond FAR robust standard deviations."""
     sample = np.abs(pixels.ravel()[:: max(1, pixels.size // 200_000)])
-    limit = np.float32(FAR * max(1.4826 * float(np.median(sample)), 0.3))
+    limit = np.float32(FAR * max(MAD * float(np.median(sample)), 0.3))
     return pixels - np.clip(pixels, -limit, limit)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy import stats
 
+from visaug.core.constants import MAD
 from visaug.core.wording import number
 from visaug.inspection.finding import ALPHA, Finding, Size, deviation
 from visaug.inspection.material import FAR, FrameGroup
@@ -25,7 +26,7 @@ def line_defects(look: FrameGroup, axis: str) -> tuple[Finding | None, np.ndarra
     middle = np.asarray(stats.trim_mean(look.frames.mean(0, dtype=np.float64), 0.1, axis=1))
     off = _apart(middle)
     height, width = look.shape
-    robust = 1.4826 * float(np.median(np.abs(off)))
+    robust = MAD * float(np.median(np.abs(off)))
     scale = max(robust, look.noise_dn / math.sqrt(look.count * width), 0.02)
     # A wave or a bump has tops above both sides, but no higher than lines elsewhere, or next to them, differ.
     change = np.abs(np.diff(middle))
@@ -106,7 +107,7 @@ def _standing_out(look: FrameGroup) -> tuple[np.ndarray, np.ndarray]:
     """
     pattern = look.raw.pattern_pixels
     pixels = np.abs(pattern.ravel())
-    scale = max(1.4826 * float(np.median(pixels)), 0.3)
+    scale = max(MAD * float(np.median(pixels)), 0.3)
     far = np.abs(pattern) > FAR * scale
     if far.any():
         far[far] = _lone(look.raw.mean, far, FAR / 2 * scale)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import fft, stats
 
+from visaug.core.constants import MAD
 from visaug.frames import FrameSet
 from visaug.inspection.finding import ALPHA, Finding, needed_z
 from visaug.inspection.material import FrameGroup
@@ -118,7 +119,7 @@ def _equal_share(look: FrameGroup) -> float:
     """How often neighbours are equal, over how often normal differences of the same spread are."""
     frame = look.frames[0]
     difference = frame[:, 1:] - frame[:, :-1]
-    spread = 1.4826 * float(np.median(np.abs(difference[difference != 0]))) if difference.any() else 0.0
+    spread = MAD * float(np.median(np.abs(difference[difference != 0]))) if difference.any() else 0.0
     if spread < 1.0:
         return 0.0
     return float(np.mean(difference == 0)) * math.sqrt(2 * math.pi) * spread

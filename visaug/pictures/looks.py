@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from visaug.core.constants import MAD
 from visaug.pictures.blocks import CHOICE, FLAT_MEAN, INNER, NOISE, SIDE, U, V, blocks_of, texture_share
 from visaug.pictures.regions import Regions, as_pixels
 from visaug.pictures.symmetry import FEWEST, Sums, area_sums
@@ -106,7 +107,7 @@ def _blocking(pictures: np.ndarray, _: Regions) -> tuple[np.ndarray, np.ndarray]
     outlying = 5.0  # robust standard deviations at which steps between pixels are cut
     for axis in (1, 2):
         step = np.diff(pictures, axis=axis).swapaxes(1, axis)
-        scale = 1.4826 * np.median(np.abs(step[:, ::3, ::5]), axis=(1, 2))[:, None, None] + 0.5
+        scale = MAD * np.median(np.abs(step[:, ::3, ::5]), axis=(1, 2))[:, None, None] + 0.5
         square = np.clip(step / scale, -outlying, outlying) ** 2
         above += square[:, SIDE - 1 :: SIDE].mean((1, 2))
         below += square[:, SIDE // 2 - 1 :: SIDE].mean((1, 2))

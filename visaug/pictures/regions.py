@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from visaug.core.constants import MAD
 from visaug.pictures.blocks import (
     CHOICE,
     NOISE,
@@ -106,7 +107,7 @@ def _sky(coefficients: np.ndarray, level: np.ndarray) -> tuple[float | None, flo
     for _ in range(20):
         inside = flat[flat <= limit]
         middle = float(np.median(inside))
-        spread = max(1.4826 * float(np.median(np.abs(inside - middle))), least_dn)
+        spread = max(MAD * float(np.median(np.abs(inside - middle))), least_dn)
         limit, before = middle + _FAR * spread, limit
         if abs(limit - before) < 1e-6:
             break

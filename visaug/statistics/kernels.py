@@ -215,6 +215,28 @@ def median_of_sizes(values):
     return (np.float64(ordered[rank]) + np.float64(ordered[rank + 1 - bits.size % 2])) / 2
 
 
+@njit(**EXACT)
+def rank_values(frame, before, n, first, second, which, least, next_least):
+    """Takes frame n of several into the greatest two and the least two values of every pixel, all (H, W).
+
+    `which` is the frame of the greatest. Returns the sum of the sizes of `frame - before`.
+    """
+    total = 0.0
+    for r in range(frame.shape[0]):
+        for c in range(frame.shape[1]):
+            x = frame[r, c]
+            total += abs(x - before[r, c])
+            if x > first[r, c]:
+                second[r, c], first[r, c], which[r, c] = first[r, c], x, n
+            else:
+                second[r, c] = max(second[r, c], x)
+            if x < least[r, c]:
+                next_least[r, c], least[r, c] = least[r, c], x
+            else:
+                next_least[r, c] = min(next_least[r, c], x)
+    return total
+
+
 @njit(inline="always")
 def _middle(image, r, c):
     """Mean of the middle two of a pixel's four neighbours; beyond an edge, of one that does not count already."""

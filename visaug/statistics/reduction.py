@@ -7,6 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
+from visaug.core.constants import MAD
 from visaug.frames import FrameRecord, FrameSet, Group
 from visaug.statistics import kernels
 from visaug.statistics.conditions import MAX_GROUPS, by_condition, choose, labels
@@ -14,7 +15,6 @@ from visaug.statistics.fixed import block_offsets, centre, profile_numbers, with
 from visaug.statistics.stack import (
     LEAST_SCALE,
     LEAST_VARIANCE,
-    MAD,
     Noise,
     NoiseProducts,
     Stack,

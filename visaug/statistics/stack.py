@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from visaug.core.constants import MAD
 from visaug.statistics import kernels
 
 LEAST_VARIANCE = 1 / 1200  # DN^2: a hundredth of quantisation's
 LEAST_SCALE = 0.03  # DN
-MAD = 1.4826  # standard deviation of a normal distribution over the median of its sizes
 RATIOS = (3, 6, 15)  # of a pixel's variance over that of all, beyond which pixels are counted
 LAGS = {lag: k for k, lag in enumerate((*kernels.LAGS, *kernels.FAR_LAGS))}
 
@@ -60,8 +60,7 @@ class Stack:
         """Products of the noise about the mean of these frames alone."""
         found = NoiseProducts.empty(self.shape[1:])
         if self.shape[0] > 1:
-            mean = (self.total / self.shape[0]).astype(np.float32)
-            found.add(self.frames, mean, *self.own_lines)
+            found.add(self.frames, mean_of(self.total, self.shape[0]), *self.own_lines)
         return found
 
 
@@ -106,7 +105,7 @@ class Noise:
     @cached_property
     def mean(self) -> np.ndarray:
         """Mean frame, (H, W) float32."""
-        return (reduce(np.add, [s.total for s in self.stacks]) / self.count).astype(np.float32)
+        return mean_of(reduce(np.add, [s.total for s in self.stacks]), self.count)
 
     @cached_property
     def level(self) -> float:
@@ -266,6 +265,11 @@ class Tails:
     down: int
     touching: int
     recurring: int
+
+
+def mean_of(total: np.ndarray, count: int) -> np.ndarray:
+    """The sum of so many frames over their number, float32; divided in float64, a piece at a time."""
+    return np.divide(total, count, out=np.empty(total.shape, np.float32), casting="same_kind")
 
 
 def _lines(stack: Stack, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

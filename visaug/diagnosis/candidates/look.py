@@ -6,12 +6,12 @@ import numpy as np
 from scipy.ndimage import label
 
 from visaug.camera import Camera
+from visaug.core.constants import MAD
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.part import MeasuredFrames
 from visaug.effects import FrameSummary
 from visaug.pictures.part import PicturePart
 from visaug.statistics import FrameData, GroupData
-from visaug.statistics.stack import MAD
 
 FULL = 0.9  # share of the full well above which a pixel counts as full
 COLLAPSED = 0.5  # share of the largest temporal variance below which brighter flats are clipped

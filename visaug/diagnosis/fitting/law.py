@@ -6,10 +6,10 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 
+from visaug.core.constants import MAD
 from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.reference import Null
 from visaug.diagnosis.fitting.robust import shrunk
-from visaug.statistics.stack import MAD
 
 FORM = 0.1  # model discrepancy of an effect's form, relative to what the effect explains,
 ROUGH = 0.3  # and of its first signatures, whose parameters are not fitted yet

@@ -29,7 +29,7 @@ class Borders(View):
         flats = data.of("flat")
         for g in (*data.dark_ends, *flats[len(flats) * 5 // 8 : len(flats) * 5 // 8 + 1]):
             unit, word = (100 / max(g.signal, 1.0), "%") if g.kind == "flat" else (1.0, "DN")
-            for name, axes, value in self._levels(g.calm):
+            for name, axes, value in self._levels(g):
                 yield g.statistic(self.name, name, axes, word), value * unit
             highest, lowest = _standing_out(g.calm)
             yield g.statistic(self.name, "highest place", ["smooth"], word), highest * unit
@@ -41,9 +41,10 @@ class Borders(View):
                     yield g.statistic(self.name, name, ["time", *axes], "log ratio"), value
 
     @staticmethod
-    def _levels(image: np.ndarray) -> Iterator[tuple[str, list[str], float]]:
+    def _levels(g: GroupData) -> Iterator[tuple[str, list[str], float]]:
         seams = (1, 2, 3)  # quarters of the rows, or columns, behind which another tap may begin
-        for axis, profile in (("row", image.mean(1)), ("column", image.mean(0))):
+        image = g.calm
+        for axis, profile in (("row", g.pattern_rows), ("column", g.pattern_columns)):
             for end, lines in (("first", profile), ("last", profile[::-1])):
                 for depth in _depths(len(lines)):
                     value = lines[:depth].mean() - lines[depth : 2 * depth].mean()
