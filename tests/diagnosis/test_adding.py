@@ -99,15 +99,21 @@ def scattering(monkeypatch, *told: VarianceStrength | None) -> None:
 
 @pytest.mark.parametrize(
     ("far", "decided", "few", "many"),
-    [(False, True, [30], [60]), (False, False, [30], [60, 120]), (True, True, [30, 30], [60])],
+    [
+        (set(), True, [30], [60]),
+        (set(), False, [30], [60, 120]),
+        ({"light_drift.sigma"}, True, [30, 30], [60]),
+        ({"light_drift.sigma", "gain_e_per_dn"}, True, [30, 30], [60]),
+    ],
 )
 def test_sets_are_simulated_until_the_evidence_is_decided_and_anew_where_the_fit_ends_far_from_them(
     monkeypatch, stated, drift, begun, far, decided, few, many
 ):
+    """Derivatives of the camera's own parameters are reused where these did not move far."""
     made = []
 
     def reference(lab, camera, coordinates, count, report, known=None, begun=None):
-        made.append((count, begun))
+        made.append((count, begun, known))
         made_here = leaving([1.0], camera).fitted.reference
         made_here.sets = [0.0] * count
         return made_here
@@ -119,14 +125,16 @@ def test_sets_are_simulated_until_the_evidence_is_decided_and_anew_where_the_fit
         monkeypatch.setattr(module, "make_reference", reference)
         monkeypatch.setattr(module, "refit", refitted)
     monkeypatch.setattr(adding, "evidence", lambda *_: SimpleNamespace(is_decided=decided))
-    monkeypatch.setattr(fit, "is_far", lambda *_: far and len(made) == 1)
+    monkeypatch.setattr(fit, "far_coordinates", lambda *_: far if len(made) == 1 else set())
     monkeypatch.setattr(Adding, "_refitted", lambda self, reference, near: refitted(None, reference))
     scattering(monkeypatch, FITTED)
     before = leaving([9.0], stated)
+    before.fitted.reference.coordinates.append(GAIN)
     sketch = begun.sketched(before, drift)
-    assert [count for count, _ in made] == few
+    assert [count for count, *_ in made] == few
+    assert made[-1][2] is (None if "gain_e_per_dn" in far else before.fitted.reference)
     after = begun.completed(before, drift, sketch)
-    assert [count for count, _ in made] == few + many
+    assert [count for count, *_ in made] == few + many
     assert made[len(few)][1] is sketch.fitted.reference  # its sets are reused
     assert after.accepted == ("light_drift",)
 

@@ -150,9 +150,11 @@ def lit_window(frames: FrameSet, seen: Extremes, found: Findings) -> tuple[int, 
 
 def _line_levels(frames: FrameSet, indices: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     """Means over frames of the medians of rows, (H,), and of columns, (W,)."""
-    medians = [(np.median(frame, 1), np.median(frame, 0)) for frame in map(frames.read, indices)]
-    rows, columns = zip(*medians)
-    return np.mean(rows, 0, np.float64), np.mean(columns, 0, np.float64)
+
+    def levels(axis: int) -> np.ndarray:
+        return np.array([np.median(frames.read(i), axis) for i in indices], np.float64).mean(0)
+
+    return levels(1), levels(0)
 
 
 def _covered(response: np.ndarray) -> int:

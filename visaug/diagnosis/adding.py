@@ -249,7 +249,7 @@ class Adding:
         known = near.fitted.reference
         reference = make_reference(self.lab, camera, coordinates, sets, self.report, known, begun)
         fitted = self._refitted(reference, near.fitted)
-        return settled(self.lab, fitted, sets, self.report) if settle else fitted
+        return settled(self.lab, fitted, sets, self.report, known) if settle else fitted
 
     def _refitted(self, reference: Reference, near: Fitted) -> Fitted:
         """The best of three fits, started from the candidate's camera, the camera as given, and the earlier effects' parameters.

@@ -9,7 +9,13 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.diagnosis.fitting.parameters import BLACK, WELL, is_stopped, moved
-from visaug.diagnosis.fitting.reference import USES, Reference, Report, is_far, make_reference
+from visaug.diagnosis.fitting.reference import (
+    USES,
+    Reference,
+    Report,
+    far_coordinates,
+    make_reference,
+)
 from visaug.diagnosis.fitting.robust import LIKELIHOOD, adjust, misfit, standardised
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.statistics import Statistic
@@ -104,14 +110,20 @@ def refit(
     return min(fitted, again, key=lambda f: f.misfit)
 
 
-def settled(lab: Laboratory, fitted: Fitted, sets: int, report: Report) -> Fitted:
-    """A fit; if it is far from its reference, or noisy, the sets and derivatives are simulated anew at its end."""
-    if not is_far(fitted.reference, fitted.camera) and fitted.noise < NOISY:
+def settled(
+    lab: Laboratory, fitted: Fitted, sets: int, report: Report, near: Reference | None = None
+) -> Fitted:
+    """A fit; if it is far from its reference, or noisy, the sets and derivatives are simulated anew at its end.
+
+    Args:
+        near: reference of the camera without what was added last. Where only that moved far, its derivatives are reused.
+    """
+    far, is_noisy = far_coordinates(fitted.reference, fitted.camera), fitted.noise >= NOISY
+    if not far and not is_noisy:
         return fitted
-    near = make_reference(lab, fitted.camera, fitted.reference.coordinates, sets, report)
-    if fitted.noise >= NOISY:
-        near = replace(near, is_erratic=True)
-    return refit(lab, near, report)
+    known = None if near is None or is_noisy or far & {c.path for c in near.coordinates} else near
+    anew = make_reference(lab, fitted.camera, fitted.reference.coordinates, sets, report, known)
+    return refit(lab, replace(anew, is_erratic=True) if is_noisy else anew, report)
 
 
 def is_apart(reference: Reference, camera: Camera, at: np.ndarray) -> bool:

@@ -429,5 +429,13 @@ def differences(
 
 def is_far(reference: Reference, camera: Camera, steps: float = FAR) -> bool:
     """Whether a refitted camera is outside the region in which the variance and derivatives of its reference are valid."""
-    moves = [abs(c.read(camera) - c.read(reference.camera)) / c.step for c in reference.coordinates]
-    return max(moves, default=0.0) > steps
+    return bool(far_coordinates(reference, camera, steps))
+
+
+def far_coordinates(reference: Reference, camera: Camera, steps: float = FAR) -> set[str]:
+    """Paths of the coordinates in which a refitted camera is more than so many steps from its reference."""
+    return {
+        c.path
+        for c in reference.coordinates
+        if abs(c.read(camera) - c.read(reference.camera)) / c.step > steps
+    }
