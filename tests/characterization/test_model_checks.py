@@ -11,7 +11,9 @@ from visaug.camera import Camera
 from visaug.characterization import characterize
 from visaug.characterization.alarms import all_warnings
 from visaug.characterization.codes import _step
-from visaug.characterization.in_time import _normal_gap, _Peaks, _tail
+from visaug.characterization.defective import extremes
+from visaug.characterization.facts import look
+from visaug.characterization.in_time import _normal_gap, _Peaks, _peaks, _tail
 from visaug.characterization.model_checks import CHECKS
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.frames import FrameRecord, FrameSet
@@ -434,3 +436,34 @@ def test_stated_rates():
     """At most one sound set in a hundred for each check."""
     assert all(0 < check.false_alarms <= 0.01 for check in CHECKS)
     assert len(ALARMS) == sum(len(check.words) for check in CHECKS)
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_one_pass_tells_levels_and_the_greatest_and_least_values_of_every_pixel(whole):
+    """Against a sort of all frames; 35 pixels have one in the middle, 36 have two."""
+    rng = np.random.default_rng(3)
+    for shape in ((5, 7), (6, 6)):
+        pixels = rng.integers(0, 9, (6, *shape)).astype(np.float32) + (0.0 if whole else 0.25)
+        records = [
+            FrameRecord(sequence=k, file=str(k), kind="flat", exposure_s=0.1, temperature_c=20.0)
+            for k in range(6)
+        ]
+        frames = FrameSet.from_arrays(records, pixels)
+        (group,) = frames.groups()
+        seen = extremes(frames, look(frames), [group])
+        assert seen is not None
+        assert seen.levels[0].median == np.median([np.median(frame) for frame in pixels])
+        if whole:
+            bits = pixels.astype(int)
+            moving = np.bitwise_or.reduce(bits, (0, 2)) & ~np.bitwise_and.reduce(bits, (0, 2))
+            np.testing.assert_array_equal(seen.row_bits, moving)
+        peaks = _peaks(frames, group)
+        level = np.median(pixels[0])
+        moved = np.array([frame + level - np.median(frame) for frame in pixels])
+        ranked = np.sort(moved, 0)
+        np.testing.assert_array_equal(peaks.first, ranked[-1])
+        np.testing.assert_array_equal(peaks.second, ranked[-2])
+        np.testing.assert_array_equal(
+            np.take_along_axis(moved, peaks.frame[None].astype(int), 0)[0], ranked[-1]
+        )
+        assert peaks.dip == (ranked[1] - ranked[0]).max()
