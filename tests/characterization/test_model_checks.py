@@ -397,6 +397,7 @@ def test_a_light_leak_flattens_the_law_of_dark_current(leak, named):
                                   [(t, s) for t in (20.0, 0.0) for s in (0.1, 2.0, 8.0)]))  # fmt: skip
     spoils = [s for w in result.warning_details if w.word == "dark_current_flat" for s in w.spoils]
     assert ("dark_current.b_per_c" in spoils) == named
+    assert ("emva.dark_current_mean_e_per_s" in spoils) == named
 
 
 def test_compare_and_diagnose_hear_of_a_light_leak():
@@ -467,3 +468,35 @@ def test_one_pass_tells_levels_and_the_greatest_and_least_values_of_every_pixel(
             np.take_along_axis(moved, peaks.frame[None].astype(int), 0)[0], ranked[-1]
         )
         assert peaks.dip == (ranked[1] - ranked[0]).max()
+
+
+def test_the_greens_of_a_saturated_flat_are_no_stuck_pixels():
+    """Half of the pixels are at the converter's top, far from the median of the frame."""
+    light = np.tile([[0.5, 1.0], [1.0, 0.7]], (SHAPE[0] // 2, SHAPE[1] // 2))
+    rows = taken(41, light=light, levels=(100, 300, 600, 1000, 1400, 1700))
+    assert (np.asarray(rows[-1][-1]) == 4095).mean() > 0.4
+    result = measured(rows, bayer="RGGB")
+    assert "stuck_pixels" not in alarms(result)
+    covers(result, gain_e_per_dn=GAIN)
+
+
+PHOTON_MISTAKES = {
+    "none": lambda photons: photons,
+    "two levels exchanged": lambda photons: photons[[0, 3, 2, 1, 4]],
+    "one level ten times": lambda photons: photons * np.array([1, 1, 10, 1, 1]),
+    "a copied cell": lambda photons: photons[[0, 1, 2, 2, 4]],
+}
+
+
+@pytest.mark.parametrize("mistake", PHOTON_MISTAKES)
+def test_photons_that_contradict_the_signals_are_said(mistake):
+    """No warning where they agree. An efficiency is never below 0."""
+    right = np.array(LEVELS) / 0.6
+    stated = dict(zip(right.tolist(), PHOTON_MISTAKES[mistake](right).tolist(), strict=True))
+    result = measured([(k, t, c, p and stated[p], f) for k, t, c, p, f in taken(42)])
+    if mistake == "none":
+        assert "photons_contradicted" not in alarms(result)
+    else:
+        spoils = spoiled(result, "photons_contradicted")
+        assert {"quantum_efficiency", "emva.quantum_efficiency"} <= set(spoils)
+    assert result["quantum_efficiency"].low >= 0

@@ -108,3 +108,17 @@ def test_intervals_hold_the_values_of_other_options_that_are_about_as_probable(s
         parameters = ranked["vignetting"].parameters
         assert parameters["corner_loss"] == FittedValue(0.205, low, 0.206, "fraction")
         assert parameters["power"] == FittedValue(1.8, 1.7, 1.9)
+
+
+def test_an_effect_is_reported_as_it_is_beside_later_ones(stated, setting, monkeypatch):
+    """Its probability and the error with it stay those of its own step; one that was left out later keeps what it had."""
+    camera = stated.with_effect("row_noise", sigma_e=2.0)
+    first = judged(refined("row_noise", camera, 40.0), leaving([0.0] * 4, camera, "row_noise"))
+    before = leaving([9.0] * 4, stated)
+    ranked, _ = ranking.chosen_ranks(setting, before, Accepted((first,), [0.0], []), first.state, None, {})
+    both = stated.with_effect("row_noise", sigma_e=1.5).with_effect("smear")
+    end = leaving([0.0] * 4, both, "row_noise", "smear")
+    told = ranking.refitted(ranked, [first], end)["row_noise"]
+    assert told.parameters["sigma_e"].value == pytest.approx(1.5)
+    assert told.probability == ranked["row_noise"].probability
+    assert ranking.refitted(ranked, [first], leaving([0.0] * 4, both, "smear")) == ranked

@@ -129,3 +129,25 @@ def test_an_effect_that_fails_is_told_by_file_and_line(tmp_path, capsys, monkeyp
             main(["simulate", "plan.csv", "--camera", "camera.yaml", "-o", "out"])
         assert end.value.code == 2
         assert "mine.py: line 7: AttributeError" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (GOOD.replace("    name = 'fine_one'\n", ""), "Fine has no name"),
+        (GOOD[: GOOD.index("    def apply")], "apply: expected a method"),
+        (GOOD + GOOD[len(HEAD) :].replace("Fine", "Second"), "'fine_one' is taken by Fine"),
+    ],
+    ids=["no name", "no apply", "one name twice"],
+)
+def test_what_a_class_lacks_is_named(tmp_path, text, said):
+    assert said in refused(tmp_path, text)
+
+
+def test_an_effect_without_a_strength_breaks_a_law(tmp_path, capsys):
+    """Nothing says where it vanishes, and no diagnosis can try it."""
+    file = tmp_path / "mine.py"
+    file.write_text(GOOD.replace("strength=True", "unit='e-', source='none'"))
+    with pytest.raises(SystemExit, match="2"):
+        main(["effects", "check", str(file)])
+    assert "no parameter has strength=True" in " ".join(capsys.readouterr().out.split())

@@ -9,6 +9,7 @@ from PIL import Image
 import visaug
 from tests.inspection.cameras import SHAPE, camera, frames
 from visaug.app.cli import main
+from visaug.frames import FrameRecord, FrameSet
 
 
 @pytest.fixture
@@ -85,3 +86,40 @@ def test_a_users_mistake_is_one_line(tmp_path, capsys):
         main(["inspect", str(tmp_path / "nothing")])
     assert end.value.code == 2
     assert "no such file or folder" in capsys.readouterr().err
+
+
+def test_two_outputs_of_one_name_are_refused(folder, tmp_path, capsys):
+    """One of them would be lost."""
+    same = str(tmp_path / "same.json")
+    with pytest.raises(SystemExit, match="2"):
+        main(["inspect", str(folder), "--json", same, "--report", same])
+    said = capsys.readouterr().err
+    assert "--json" in said
+    assert "--report" in said
+    assert "same file" in said
+    main(["inspect", str(folder), "--json", "-", "--report", str(tmp_path / "r.html")])
+
+
+def test_the_next_command_for_one_stack_is_of_its_folder(tmp_path):
+    rng = np.random.default_rng(5)
+    np.save(tmp_path / "stack.npy", np.rint(rng.normal(100, 3, (6, *SHAPE))).astype(np.uint8))
+    words = visaug.inspect(tmp_path / "stack.npy").to_json()["next"].split()
+    assert words[:2] in (["visaug", "frames"], ["visaug", "characterize"])
+    if words[1] == "frames":
+        assert words[2:] == [str(tmp_path), "-o", str(tmp_path / "frames.csv")]
+
+
+def test_the_colours_of_a_stated_mosaic_are_no_pattern_of_the_sensor():
+    """Red and blue answer to half the light of green; a fixed offset of odd columns is found in dark frames all the same."""
+    rng = np.random.default_rng(6)
+    light = np.tile([[0.5, 1.0], [1.0, 0.5]], (SHAPE[0] // 2, SHAPE[1] // 2))
+    odd = 6.0 * (np.arange(SHAPE[1]) % 2)  # 3 DN either way
+    pixels = [rng.normal(100 + odd, 3, SHAPE) for _ in range(6)]
+    pixels += [rng.normal(100 + odd + 800 * light, 10, SHAPE) for _ in range(6)]
+    records = [
+        FrameRecord(k, str(k), "dark" if k < 6 else "flat", exposure_s=0.1, bayer="RGGB") for k in range(12)
+    ]
+    found = visaug.inspect(FrameSet.from_arrays(records, np.rint(pixels).astype(np.uint16)))
+    (parity,) = (f for f in found.findings if f.what == "parity")
+    assert parity.amplitude_dn == pytest.approx(3, rel=0.1)
+    assert any("RGGB" in note for note in found.notes)

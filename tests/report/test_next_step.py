@@ -64,6 +64,9 @@ def test_what_follows_from_an_answer():
     assert after_diagnosis(DIAGNOSIS, inputs).command == "visaug diagnose f --camera c.yaml -o better.yaml"
     written = Inputs("f", "c.yaml", better="b.yaml")
     assert after_diagnosis(DIAGNOSIS, written).command == "visaug augment IMAGES -o noisy/ --camera b.yaml"
+    mended = {**NOTHING, "camera_file": [{"key": "black_level_dn", "mistake": "black_level"}]}
+    assert after_diagnosis(mended, written).command == "visaug augment IMAGES -o noisy/ --camera b.yaml"
+    assert after_diagnosis(mended, inputs).command == "visaug diagnose f --camera c.yaml -o better.yaml"
     nothing_of_the_catalogue = {**DIAGNOSIS, "accepted": []}
     first, second = after_diagnosis(nothing_of_the_catalogue, written).command.splitlines()
     assert first == "visaug effects new my_effect"

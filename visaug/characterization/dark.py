@@ -111,7 +111,7 @@ def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
         if law.misfit > stats.f.ppf(0.999, max(len(lines) - 2, 1), min(law.df, 1e6)):
             found.warn(
                 "dark_current_law: the dark current does not follow a exp(b T) within its uncertainty",
-                spoils=("dark_current.a_e_per_s", "dark_current.b_per_c"),
+                spoils=("dark_current.*", "emva.dark_current_*"),
             )
     else:
         _one_temperature(found, lines)
@@ -131,7 +131,7 @@ def _too_flat(found: Findings, lines: list[dark_current.Slope], law: dark_curren
         found.warn(
             f"dark_current_flat: the dark signal grows by exp({law.b_per_c:.3g} T), that of silicon by exp({least:.3g} T) or "
             "more at these temperatures: light leaks in, the sensor glows, or a temperature is wrong",
-            spoils=("dark_current.a_e_per_s", "dark_current.b_per_c"),
+            spoils=("dark_current.*", "emva.dark_current_*"),
         )
 
 

@@ -14,6 +14,7 @@ from visaug.frames import FrameSet, Group
 from visaug.statistics.findings import Findings
 
 _APART = 8.0  # noise of single pixels: levels, or values, that differ by more differ by no chance
+_MOST = 0.1  # share of the pixels beyond which they are no defects of an otherwise sound sensor
 _NO_LIGHT = 0.02  # response over the median's: below, a line is covered
 # response over the median's of the line beside a covered one: light that falls off has no such edge
 _LIT = 0.5
@@ -104,7 +105,8 @@ def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) 
         levels.append(GroupSummary(group.kind, group.indices, middle, noise, codes if whole else None))
         if ends_here is not None and len(group.indices) > 1:
             for end, there in zip(ends_here, (top, bottom)):
-                if abs(end - middle) > _APART * noise:
+                # of more pixels the end is one that sound ones reach: a colour's at the converter's top
+                if abs(end - middle) > _APART * noise and there.mean() <= _MOST:
                     ends |= there
     bits = [a & b for a, b in zip(ones, zeros)] if whole else [None, None]
     return Extremes(tuple(levels), low, high, flat_low, flat_high, ends, bits[0], bits[1])
@@ -192,8 +194,7 @@ def stuck_pixels(seen: Extremes, found: Findings) -> np.ndarray | None:
     share = float(stuck.mean())
     if not share:
         return None
-    most = 0.1  # share of the pixels beyond which they are no defects of an otherwise sound sensor
-    if share > most:
+    if share > _MOST:
         found.warn(
             f"stuck_pixels: {share:.0%} of the pixels do not answer to light; they are too many to be left out",
             spoils=("*",),

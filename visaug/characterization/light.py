@@ -28,6 +28,14 @@ NEEDS_CLEAR_FLATS = (
 )
 NEEDS_PHOTONS = "flats with known photons per pixel"
 _SCATTER = 0.02  # deviation of the variances from their curve: the gain of any level alone is as far off
+_CONTRADICTED = 0.05  # deviation of the signals from their course over the photons: that of a rough calibration of the light
+_FROM_PHOTONS = (
+    "quantum_efficiency",
+    "emva.quantum_efficiency",
+    "emva.saturation_photons",
+    "emva4.absolute_sensitivity_*photons",
+    "emva4.responsivity_*",
+)
 _LEAST_EFFICIENCY = 1e-3  # e-/photon: below what silicon has anywhere between 300 and 1100 nm
 
 
@@ -122,17 +130,20 @@ def _efficiency(found: Findings, result: PhotonTransferResult) -> None:
     error, df = mean_error(
         [((value * result.gain_error / gain) ** 2, result.df), ((value * line.relative_error) ** 2, line.df)]
     )
-    found.add("quantum_efficiency", symmetric(value, error, df), "e-/photon", "responsivity over gain", 1.0)
+    _, low, high = symmetric(value, error, df)
+    interval = value, max(low, 0.0), high
+    found.add("quantum_efficiency", interval, "e-/photon", "responsivity over gain", 1.0)
     if value < _LEAST_EFFICIENCY:
         found.warn(
             f"photons_implausible: a quantum efficiency of {value:.2g} is that of no sensor; are the photons "
             "per pixel, not per cm2 or of the whole frame?",
-            spoils=(
-                "quantum_efficiency",
-                "emva.quantum_efficiency",
-                "emva.saturation_photons",
-                "emva4.absolute_sensitivity_*photons",
-            ),
+            spoils=_FROM_PHOTONS,
+        )
+    if line.scatter > _CONTRADICTED:
+        found.warn(
+            f"photons_contradicted: the signals of the flats deviate by {line.scatter:.0%} from every straight or bent course "
+            "over the stated photons; check the column `photons` (levels exchanged, one unit for another, an offset)",
+            spoils=(*_FROM_PHOTONS, "emva.linearity_error_*"),
         )
     if value > 1:
         found.warn(

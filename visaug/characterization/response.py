@@ -11,6 +11,7 @@ from scipy import stats
 
 from visaug.characterization.groups import FlatLevel
 from visaug.core.intervals import mean_error, row_blocks
+from visaug.statistics.findings import FALSE_ALARM
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,8 @@ class Response:
             meet), ``known``, ``fitted`` (beside the light), or ``unknown`` (it counts as light).
         dark_share: by how much the slope would be higher if the dark current counted as light.
         dark_dn_per_s: dark current that was fitted beside the light, and its standard error.
+        scatter: root mean square deviation of the signals from this course, as a share, where a lamp that changes as much as
+            from frame to frame exceeds it once in a thousand sets; else 0.
     """
 
     dn_per_photon: float
@@ -33,6 +36,7 @@ class Response:
     dark: str
     dark_share: float
     dark_dn_per_s: tuple[float, float] = (0.0, 0.0)
+    scatter: float = 0.0
 
     def at(self, photons: float) -> float:
         """Signal of the light, DN."""
@@ -78,7 +82,15 @@ def response(levels: Sequence[FlatLevel], dark_tells: bool) -> Response | None:
     share = with_dark / value - 1 if dark != "none" and not bent else 0.0
     rate_of_dark = _fitted(all_influence[1], signals, lamp) if dark == "fitted" else (0.0, 0.0)
     return Response(
-        value, error / value, df, bend / value if bent else 0.0, bent, dark, float(share), rate_of_dark
+        value,
+        error / value,
+        df,
+        bend / value if bent else 0.0,
+        bent,
+        dark,
+        float(share),
+        rate_of_dark,
+        _unexplained(basis, photons, signals, levels),
     )
 
 
@@ -119,16 +131,37 @@ def _lamp(
     """Relative variance of a level's light and its degrees of freedom: from frame to frame, and as levels
     scatter about the fit.
     """
+    flicker = _flicker(levels)
+    spread, spare = _spread(basis, photons, signals)
+    if spare < 1:
+        return flicker
+    error, df = mean_error([(flicker[0], max(flicker[1], 1)), (spread, spare)])
+    return error**2, df
+
+
+def _flicker(levels: Sequence[FlatLevel]) -> tuple[float, float]:
+    """Relative variance of a level's light from frame to frame, of its mean, and its degrees of freedom."""
     relative = [v.flat.frame_variance / v.signal**2 / v.flat.n for v in levels]
-    flicker = float(np.median(relative)), float(sum(v.flat.n - 1 for v in levels))
+    return float(np.median(relative)), float(sum(v.flat.n - 1 for v in levels))
+
+
+def _spread(basis: np.ndarray, photons: np.ndarray, signals: np.ndarray) -> tuple[float, int]:
+    """Relative variance of the bright levels about the fit, and its degrees of freedom."""
     residual = (signals - basis @ (_influence(basis, photons) @ signals)) / signals
     bright = np.abs(signals) > 0.2 * np.abs(signals).max()
     spare = int(bright.sum()) - basis.shape[1]
-    if spare < 1:
-        return flicker
-    spread = float((residual[bright] ** 2).sum()) / spare
-    error, df = mean_error([(flicker[0], max(flicker[1], 1)), (spread, spare)])
-    return error**2, df
+    return (float((residual[bright] ** 2).sum()) / spare if spare > 0 else 0.0), spare
+
+
+def _unexplained(
+    basis: np.ndarray, photons: np.ndarray, signals: np.ndarray, levels: Sequence[FlatLevel]
+) -> float:
+    """Relative scatter of the levels about the fit, see `Response.scatter`."""
+    flicker, df = _flicker(levels)
+    spread, spare = _spread(basis, photons, signals)
+    if spare < 1 or spread <= flicker * float(stats.f.isf(FALSE_ALARM, spare, max(df, 1))):
+        return 0.0
+    return math.sqrt(spread)
 
 
 def _bend(

@@ -35,20 +35,28 @@ def cache_folder() -> Path:
 def whole_file(path: str | Path) -> Iterator[Path]:
     """Yield a path in the same folder to write to; it is renamed to `path` when the block ends well.
 
-    The temporary name keeps the suffix, as many writers choose the format by it. Missing folders are made.
+    The temporary name keeps the suffix, as many writers choose the format by it. Missing folders are made. A link stays a link:
+    what it leads to is replaced. A device or a pipe gets the content when the block ends well.
 
     Raises:
         InputError: `path` is a folder, or lies below a file.
     """
     path = Path(path)
+    is_special = path.exists() and not path.is_file()
+    path = path if is_special else Path(os.path.realpath(path))
     check_place(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     remove_leftovers(path.parent)
-    handle, name = tempfile.mkstemp(prefix=_prefix(), suffix=path.suffix, dir=path.parent)
+    folder = Path(tempfile.gettempdir()) if is_special else path.parent
+    handle, name = tempfile.mkstemp(prefix=_prefix(), suffix=path.suffix, dir=folder)
     os.close(handle)
     temporary = Path(name)
     try:
         yield temporary
+        if is_special:
+            with open(path, "wb") as target:
+                target.write(temporary.read_bytes())
+            return
         temporary.chmod(0o666 & ~_umask())
         _flush(temporary)
         temporary.replace(path)

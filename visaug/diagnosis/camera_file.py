@@ -203,7 +203,7 @@ def _black_level(camera: Camera, measured: Mapping[str, Any]) -> Iterator[Mistak
         return
     stated, found = camera.values()[BLACK], measured[BLACK].value
     if stated == 0 and found > BLACK_DN:
-        text = f"{BLACK} is left out, and the frames have {found:.4g} DN."
+        text = f"{BLACK} is 0 in the file, or left out, and the frames have {found:.4g} DN."
     elif stated > BLACK_DN and found < 0.1 * stated:
         text = f"{BLACK} is {stated:g} in the file, and is subtracted from the frames already, which have {found:.4g} DN."
     else:

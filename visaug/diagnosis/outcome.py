@@ -9,6 +9,7 @@ from scipy.special import expit
 
 from visaug.diagnosis.fitting.robust import p_value, standardised
 from visaug.diagnosis.outside import log_odds_outside
+from visaug.diagnosis.ranking import refitted
 from visaug.diagnosis.result import Diagnosis, Ranked, Step
 from visaug.diagnosis.stage import History, SearchStage, Setting
 from visaug.diagnosis.state import State
@@ -31,6 +32,8 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
     p_given = p_value(float(np.abs(z).max()), first.largest_as_given)
     p_before = history[0].p_value
     end, steps = kept(setting, history, p_given)
+    earlier = [stage.standing[0] for stage in history[:-1] if stage.standing]
+    end = replace(end, ranked=refitted(end.ranked, earlier, end.state))
     significant = p_given <= SIGNIFICANT or p_before <= SIGNIFICANT
     excess = bool(end.state.accepted) or (significant and is_clear(end.error))
     statistics = lab.measured[2].statistics

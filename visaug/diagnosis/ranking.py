@@ -86,6 +86,14 @@ def _with_those(effect: str, after: State, otherwise: Judged | None) -> dict[str
     return {name: own.reaching(others[name]) if name in others else own for name, own in found.items()}
 
 
+def refitted(ranked: Ranks, earlier: Sequence[Judged], end: State) -> Ranks:
+    """With the parameters of effects that were accepted earlier as they are in the last camera, beside the later ones."""
+    still = {one.refined.effect: one for one in earlier if one.refined.effect in end.accepted}
+    fitted = {name: _with_those(name, end, one.otherwise) for name, one in still.items()}
+    own = {name: replace(ranked[name], parameters=numbers) for name, numbers in fitted.items()}
+    return {**ranked, **own}
+
+
 def without_rival(ranked: Ranks, effect: str, probability: float) -> Ranks:
     """With the probability of an effect of which a rival, that had this probability, was accepted beside it.
 

@@ -110,7 +110,9 @@ def load_file(path: str | Path) -> list[type[Effect]]:
         raise InputError(f"{path}: cannot be imported: {described(error)}") from error
     effects = _effects_in(module)
     if not effects:
-        raise InputError(f"{path}: defines no Effect; see `visaug effects new NAME` for one that runs")
+        nameless = next((c.__name__ for c in _classes_in(module)), None)
+        why = f"; {nameless} has no name, expected name = 'my_effect' in the class" if nameless else ""
+        raise InputError(f"{path}: defines no Effect{why}; see `visaug effects new NAME` for one that runs")
     for effect in effects.values():
         _check(effect)
     _files[version] = list(effects.values())
@@ -129,12 +131,18 @@ def loaded_files() -> list[Path]:
 
 
 def _effects_in(module: ModuleType) -> dict[str, type[Effect]]:
-    own = (
-        value
-        for value in vars(module).values()
-        if isinstance(value, type) and value.__module__ == module.__name__
-    )
-    effects = [value for value in own if issubclass(value, Effect) and value.name]
-    for effect in effects:
+    """The effects that a module defines, by name; classes without a name are those that its effects derive from."""
+    effects: dict[str, type[Effect]] = {}
+    for effect in (c for c in _classes_in(module) if c.name):
         check_definition(effect)
-    return {effect.name: effect for effect in effects}
+        other = effects.setdefault(effect.name, effect)
+        if other is not effect:
+            raise InputError(
+                f"effect {effect.__name__}: name: {effect.name!r} is taken by {other.__name__} of the same file"
+            )
+    return effects
+
+
+def _classes_in(module: ModuleType) -> list[type[Effect]]:
+    own = (value for value in vars(module).values() if isinstance(value, type))
+    return [value for value in own if value.__module__ == module.__name__ and issubclass(value, Effect)]

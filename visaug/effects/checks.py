@@ -49,8 +49,8 @@ def check_definition(effect: type[Effect]) -> None:
         if not isinstance(key, str) or key in TAKEN:
             raise InputError(f"{where}: parameters: {key!r} cannot be the name of a parameter")
         _check_parameter(parameter, f"{where}: {key}")
-    if not callable(effect.apply):
-        raise InputError(f"{where}: apply: expected a method")
+    if not callable(effect.apply) or effect.apply is Effect.apply:
+        raise InputError(f"{where}: apply: expected a method `apply(self, signal, p, stream, context)`")
 
 
 def try_effect(effect: type[Effect]) -> None:

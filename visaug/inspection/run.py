@@ -57,6 +57,10 @@ def inspect(frames: FrameSet | str | Path | np.ndarray | Sequence[np.ndarray]) -
     codes = codes_of(chosen, container)
     packed = compression(chosen, frames)
     parts = [_findings_of(replace(look, coloured=packed is not None)) for look in chosen]
+    mosaic = next((r.bayer for r in frames.records if r.bayer), None)
+    if mosaic:
+        parts = [(look, [f for f in found if not _is_of_colours(look, f.what)]) for look, found in parts]
+        notes = [*notes, _MOSAIC.format(mosaic)]
     found = [*_merged(parts), *code_findings(codes, [look for look, _ in parts])]
     found += [packed] if packed else []
     found.sort(key=lambda f: -f.evidence)
@@ -68,12 +72,23 @@ def inspect(frames: FrameSet | str | Path | np.ndarray | Sequence[np.ndarray]) -
         codes.bits,
         codes.stated,
         codes.shift,
-        tuple(_measurement(look) for look in chosen if look.kind != "image"),
+        tuple(_measurement(look, mosaic is not None) for look in chosen if look.kind != "image"),
         tuple(_ambiguous(groups, packed)),
         tuple(_more(groups)),
         (*notes, *(w for w in frames.warnings if not w.startswith("exposure_unknown"))),
         _next(frames, kinds),
     )
+
+
+_MOSAIC = (
+    "the frames have a colour mosaic ({}): in lit frames odd and even lines and neighbouring pixels differ by the colours, and "
+    "patterns of this kind are not looked for there"
+)
+
+
+def _is_of_colours(look: FrameGroup, what: str) -> bool:
+    """Whether the colours of a mosaic make such a pattern in lit frames."""
+    return look.kind not in ("dark", "bias") and what in ("parity", "pixel_pattern")
 
 
 def _as_set(frames: FrameSet | str | Path | np.ndarray | Sequence[np.ndarray]) -> FrameSet:
@@ -213,7 +228,7 @@ def _said_once(found: list[Finding]) -> list[Finding]:
     ]
 
 
-def _measurement(look: FrameGroup) -> Measurement:
+def _measurement(look: FrameGroup, coloured: bool) -> Measurement:
     noise = pattern = None
     law, excess = noise_law(look) or (None, None)
     if excess is not None:
@@ -221,7 +236,10 @@ def _measurement(look: FrameGroup) -> Measurement:
         value = look.noise_dn
         noise = {"value": value, "low": value * (1 - error), "high": value * (1 + error)}
         size = pixel_pattern(look)
-        pattern = {"value": size["amplitude_dn"], "low": size["low"], "high": size["high"]}
+        is_told = not (coloured and _is_of_colours(look, "pixel_pattern"))
+        pattern = (
+            {"value": size["amplitude_dn"], "low": size["low"], "high": size["high"]} if is_told else None
+        )
     level = float(look.data.level)
     return Measurement(look.kind, look.count + look.copies, level, noise, pattern, law, excess)
 
@@ -277,9 +295,12 @@ def _more(groups: list[FrameGroup]) -> list[str]:
 
 def _next(frames: FrameSet, kinds: list[str]) -> str:
     """The command that follows: of a camera that can be measured, its parameters; else the table of its frames."""
-    folder = str(frames.loaded_from) if frames.loaded_from else "FRAMES"
+    path = frames.loaded_from
+    folder = str(path) if path else "FRAMES"
     if set(kinds) <= {"image", "scene"} or not frames.is_pictures:
         lit = set(kinds) - {"dark", "bias"}  # without light there is no gain, and no camera in electrons
         words = ("-o", "camera.yaml") if lit else ("--report", "characterization.html")
         return shlex.join(("visaug", "characterize", folder, *words))
+    if path and Path(path).is_file():  # a table is of the files of a folder
+        folder = str(Path(path).parent)
     return shlex.join(("visaug", "frames", folder, "-o", f"{folder.rstrip('/')}/frames.csv"))

@@ -131,7 +131,7 @@ def check_file(file: Path) -> None:
         print_table([effect.name, "result"], rows)
     if faults:
         raise InputError(
-            f"{faults} laws are broken, see the table", file=file, expected="effects that keep them all"
+            f"{faults} of the laws broken, see the table", file=file, expected="effects that keep them all"
         )
 
 

@@ -31,7 +31,25 @@ class _Command(click.Command):
                 spread.append("--effects")
             taking = word == "--effects" or (taking and word.endswith(".py"))
             spread.append(word)
-        return super().parse_args(ctx, spread)
+        rest = super().parse_args(ctx, spread)
+        _check_distinct(ctx)
+        return rest
+
+
+def _check_distinct(context: click.Context) -> None:
+    """Refuse two options that write one file, of which only the last would stay."""
+    writes = ("output", "json_path", "report_path", "defects_path", "sheets")
+    seen: dict[Path, str] = {}
+    for option in context.command.params:
+        given = context.params.get(option.name or "") if option.name in writes else None
+        for path in given if isinstance(given, tuple) else (given,):
+            if path is None or path == STANDARD_OUTPUT or (path.exists() and not path.is_file()):
+                continue
+            other = seen.setdefault(path.resolve(), option.opts[0])
+            if other != option.opts[0]:
+                raise InputError(
+                    f"{other} and {option.opts[0]} name the same file", file=path, expected="a name for each"
+                )
 
 
 def command(name: str, *, example: str) -> Callable[[Callable], click.Command]:

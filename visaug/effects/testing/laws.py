@@ -34,6 +34,11 @@ def require(held: bool, problem: str) -> None:
 
 def says_what_it_is(effect: type[Effect]) -> None:
     """A summary, the law, its source; a unit and a source for each parameter; trial values for each strength."""
+    is_searched = effect.proposed and not effect.base and effect.stage < Stage.PICTURE
+    require(
+        bool(effect.strengths()) or not is_searched,
+        "no parameter has strength=True: nothing says where the effect vanishes, and a diagnosis cannot try it",
+    )
     for key in ("summary", "equation", "source"):
         require(bool(getattr(effect, key)), f"{key} is empty")
     require(isinstance(effect.stage, Stage), "stage is no Stage")
