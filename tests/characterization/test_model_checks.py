@@ -500,3 +500,16 @@ def test_photons_that_contradict_the_signals_are_said(mistake):
         spoils = spoiled(result, "photons_contradicted")
         assert {"quantum_efficiency", "emva.quantum_efficiency"} <= set(spoils)
     assert result["quantum_efficiency"].low >= 0
+
+
+@pytest.mark.parametrize(("hits", "spoils"), [(1, False), (8, True)])
+def test_many_cosmic_rays_spoil_figures_from_the_noise(hits, spoils):
+    """Of 8 hits in each of 30 frames 0.12 % of the values are left out, and faint ends of as many are not."""
+
+    def strike(dn, kind, rng):
+        at = tuple(rng.integers(0, n, hits) for n in SHAPE)
+        dn[at] += rng.exponential(600, hits) + 200
+        return dn
+
+    result = measured(taken(43, change=strike))
+    assert ("gain_e_per_dn" in spoiled(result, "cosmic_rays")) is spoils
