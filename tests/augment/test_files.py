@@ -144,6 +144,23 @@ def test_interrupted_run_goes_on(folder, camera, tmp_path):
     assert augment_files([folder], tmp_path / "parts", camera).written == 0
 
 
+def test_a_changed_copy_is_reported_and_made_anew_by_force_alone(camera, tmp_path):
+    root, out = tmp_path / "in", tmp_path / "out"
+    root.mkdir()
+    for name in ("a.png", "b.png"):
+        png(root / name)
+    augment_files([root], out, camera)
+    whole = contents(out)
+    (out / "a.png").write_bytes(whole["a.png"][:-20])
+    done = augment_files([root], out, camera)
+    assert (done.written, done.kept, done.replaced, len(done.failed)) == (0, 1, 0, 1)
+    assert "a.png: was changed since visaug wrote it" in done.failed[0]
+    assert contents(out)["a.png"] == whole["a.png"][:-20]
+    done = augment_files([root], out, camera, force=True)
+    assert (done.written, done.kept, done.replaced) == (1, 1, 1)
+    assert contents(out) == whole
+
+
 def test_other_settings_or_another_original_are_done_anew(folder, camera, tmp_path):
     out = tmp_path / "out"
     augment_files([folder], out, camera)

@@ -100,7 +100,8 @@ def augment_files(
             YOLO labels alone: other annotations name single pictures.
         include: patterns of the pictures that get noise, see `visaug.augment.jobs.matches`; empty means all.
         exclude: patterns of those that do not.
-        force: add noise to files that look like labels too, and replace files that visaug did not write.
+        force: add noise to files that look like labels too, and replace files that visaug did not write, or that were
+            changed since.
         progress: called with (description, files done, files in all).
         options: passed to `SensorNoise`, e.g. transfer="srgb" or gain_db=(0, 24). transfer="auto" decides by
             each file; see `visaug.augment.image_io.transfer`.
@@ -211,12 +212,13 @@ class _Work:
 
     def write(self, name: str, of: str, into: Callable[[Path], Any]) -> None:
         """A file that is whole or absent, and in the journal."""
-        self.done.replaced += (self.output / name).exists()
+        there = (self.output / name).exists()
         self.journal.begin(name)
         with whole_file(self.output / name) as temporary:
             into(temporary)
         self.journal.add(name, of)
         self.done.written += 1
+        self.done.replaced += there
 
     def copy_label(self, name: str, source: Path) -> None:
         """The YOLO labels of a picture."""

@@ -123,7 +123,7 @@ def light_options(function: Decorator) -> Decorator:
 @click.option(
     "--force",
     is_flag=True,
-    help="Add noise to what looks like labels too, and replace files that visaug did not write.",
+    help="Add noise to what looks like labels too, and replace files that visaug did not write or that were changed since.",
 )
 @click.option(
     "--fixed-pattern",
@@ -214,7 +214,7 @@ def _say(done: "Augmented", output: Path) -> None:
     line += f" ({done.replaced} replaced)" if done.replaced else ""
     click.echo(line + (f", {done.kept} existed already" if done.kept else ""))
     if done.carried:
-        click.echo(f"copied {_number(done.carried, 'other file')} as they are")
+        click.echo(f"copied {_number(done.carried, 'other file')} as {'it is' if done.carried == 1 else 'they are'}")
     if done.like_labels:
         reasons = ", ".join(f"{why}: {count}" for why, count in sorted(done.like_labels.items()))
         click.echo(
