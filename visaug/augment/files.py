@@ -51,6 +51,8 @@ class Augmented:
         unlabelled: number of pictures without YOLO labels, where YOLO labels were copied for others.
         carried: number of other files that were copied as they are, with `labels`.
         like_labels: reason -> number of files that look like labels and were copied without noise.
+        outputs: folders in which copies of this or an earlier call were passed over; see `visaug.augment.jobs.CopyPlan`.
+        again: inputs that hold nothing but copies of earlier calls.
     """
 
     written: int = 0
@@ -65,6 +67,8 @@ class Augmented:
     unlabelled: int = 0
     carried: int = 0
     like_labels: Counter[str] = field(default_factory=Counter)
+    outputs: list[Path] = field(default_factory=list)
+    again: list[Path] = field(default_factory=list)
 
 
 def augment_files(
@@ -143,6 +147,7 @@ def augment_files(
         for name, source in carried.items():
             work.carry(name, source)
     done = work.done
+    done.outputs, done.again = jobs.outputs, jobs.again
     if not labels:
         done.skipped, done.excluded = jobs.skipped, jobs.excluded
     if not work.labelled and done.carried:

@@ -40,13 +40,7 @@ class Journal:
             opening.enter_context(folder_lock(self.folder))
             if self.path.is_symlink():
                 raise InputError("is a link", file=self.path, expected="a file that visaug wrote, or none")
-            for line in self.path.read_bytes().split(b"\n") if self.path.exists() else []:
-                try:
-                    entry = parse_json(line.decode())
-                    known = {"of": str(entry["of"]), "copy": str(entry["copy"])}
-                    self.made[str(entry["name"])] = {**known, "bytes": str(entry.get("bytes", ""))}
-                except (InputError, UnicodeDecodeError, TypeError, KeyError):  # torn, or from elsewhere
-                    continue
+            self.made = made_in(self.folder)
             self._handle = opening.enter_context(open(self.path, "a", encoding="utf-8"))
             self._handle.write("\n")  # closes a line that an interruption tore
             self._open = opening.pop_all()
@@ -102,6 +96,19 @@ class Journal:
         self.made[name] = {"of": of, "copy": copy, "bytes": size}
         self._handle.write(json.dumps({"name": name, **self.made[name]}) + "\n")
         self._handle.flush()
+
+
+def made_in(folder: Path) -> dict[str, dict[str, str]]:
+    """What visaug made in a folder: names below it, and what the journal holds of each."""
+    path, made = folder / JOURNAL, {}
+    for line in path.read_bytes().split(b"\n") if path.is_file() else []:
+        try:
+            entry = parse_json(line.decode())
+            known = {"of": str(entry["of"]), "copy": str(entry["copy"])}
+            made[str(entry["name"])] = {**known, "bytes": str(entry.get("bytes", ""))}
+        except (InputError, UnicodeDecodeError, TypeError, KeyError):  # torn, or from elsewhere
+            continue
+    return made
 
 
 def content_of(path: Path) -> str:

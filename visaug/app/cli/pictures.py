@@ -232,6 +232,10 @@ def _say(done: "Augmented", output: Path) -> None:
     if done.skipped:
         parts = [f"{count} {suffix}" for suffix, count in sorted(done.skipped.items())]
         click.echo(f"skipped {_number(sum(done.skipped.values()), 'file')}: {', '.join(parts)}")
+    if done.outputs:
+        click.echo(f"skipped copies of visaug augment in {', '.join(map(str, done.outputs))}")
+    if done.again:
+        click.echo(f"noise was added to copies of visaug augment: {', '.join(map(str, done.again))}")
     if done.excluded:
         click.echo(f"left out {_number(done.excluded, 'picture')} by --include and --exclude")
     if done.unlabelled:
