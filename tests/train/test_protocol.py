@@ -102,7 +102,7 @@ def test_the_cost_counts_every_image_of_every_run(tmp_path, monkeypatch):
     )
     # 100 images: 2 seeds of 3 + 7 epochs, and 2 of the start, are 2,200 at half a second
     assert "4 runs, 2,200 images: about 18 minutes" in device.cost(config, 100)
-    assert "1 runs, 900 images: about 8 minutes" in device.cost(config, 100, ["long"])
+    assert "1 run, 900 images: about 8 minutes" in device.cost(config, 100, ["long"])
 
 
 def test_a_trial_measures_the_network_and_leaves_the_random_numbers(tmp_path):
