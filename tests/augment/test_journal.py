@@ -56,7 +56,9 @@ def test_a_journal_without_sizes_is_believed(folder):
     """As earlier versions wrote it."""
     path = folder / JOURNAL
     lines = [json.loads(line) for line in path.read_text().splitlines() if line]
-    path.write_text("".join(json.dumps({k: line[k] for k in ("name", "of", "copy")}) + "\n" for line in lines))
+    path.write_text(
+        "".join(json.dumps({k: line[k] for k in ("name", "of", "copy")}) + "\n" for line in lines)
+    )
     assert holds(folder)
     (folder / "a.png").write_bytes(b"the cOpy")
     assert not holds(folder)

@@ -378,7 +378,7 @@ def test_values_at_the_ends_of_their_range_and_one_for_each_image_are_taken(fast
     noise = SensorNoise(camera(), values={"read_noise.sigma_e": sigma}, fast=fast)
     spread = noise(torch.full((3, 1, 24, 24), 0.5)).std((1, 2, 3))
     assert spread[1] > 2 * spread[0].maximum(spread[2])
-    with pytest.raises(InputError, match="read_noise.sigma_e: has 3 values for 2 images"):
+    with pytest.raises(InputError, match="sigma_e: has 3 values for 2 images"):
         noise(torch.full((2, 1, 24, 24), 0.5))
     with pytest.raises(InputError, match="for several cameras"):
         SensorNoise([camera(), camera()], values={"read_noise.sigma_e": sigma})

@@ -82,8 +82,8 @@ class SensorNoise(nn.Module):
             on gain and quantum efficiency; the output is still 1 at saturation.
         values: replacements for camera parameters by path, e.g. {"read_noise.sigma_e": nn.Parameter(...)}: a number or tensor
             in the range of camera.yaml, or with one camera a tensor (B,) of one value for each image. Gradients reach them.
-        origin: row and column of the sensor at which the image begins, if it is a crop, whole numbers from 0. Kept patterns and effects that
-            depend on the position on the sensor then belong to this window.
+        origin: row and column of the sensor at which the image begins, if it is a crop, whole numbers from 0. Kept patterns
+            and effects that depend on the position on the sensor then belong to this window.
         mono: how one sensor serves several channels. None follows the camera: a camera with `colour` filters images through
             its mosaic (see `visaug.camera.colour`), and a one-channel image gets the luminance of the result; a camera without
             filters is monochrome. True: the noise of the exposed luminance 0.2126 R + 0.7152 G + 0.0722 B is added to every

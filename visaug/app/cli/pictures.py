@@ -214,7 +214,9 @@ def _say(done: "Augmented", output: Path) -> None:
     line += f" ({done.replaced} replaced)" if done.replaced else ""
     click.echo(line + (f", {done.kept} existed already" if done.kept else ""))
     if done.carried:
-        click.echo(f"copied {_number(done.carried, 'other file')} as {'it is' if done.carried == 1 else 'they are'}")
+        click.echo(
+            f"copied {_number(done.carried, 'other file')} as {'it is' if done.carried == 1 else 'they are'}"
+        )
     if done.like_labels:
         reasons = ", ".join(f"{why}: {count}" for why, count in sorted(done.like_labels.items()))
         click.echo(
