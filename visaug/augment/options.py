@@ -115,10 +115,9 @@ def check_replacement(path: str, value: Any, parameter: Parameter) -> None:
     """
     try:
         tensor = torch.as_tensor(value)
-        is_number = tensor.dtype != torch.bool and not tensor.is_complex()
     except (TypeError, ValueError, RuntimeError):
-        is_number = False
-    if not is_number:
+        tensor = None
+    if tensor is None or tensor.dtype == torch.bool or tensor.is_complex():
         raise InputError(f"{value!r} is not a number", field=path, expected=bounds_text(parameter))
     numbers = tensor.detach().float()
     if not numbers.numel() or any(size != 1 for size in numbers.shape[1:]):
