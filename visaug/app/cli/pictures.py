@@ -49,7 +49,7 @@ def light_options(function: Decorator) -> Decorator:
         click.option(
             "--bits",
             type=click.IntRange(1, 16),
-            help="Bits used in 16-bit data, if fewer: 10, 12 or 14. Refused for 8-bit and floating-point data.",
+            help="Bits used in 16-bit data, if fewer: 10, 12 or 14. Refused for other data, except 8 for 8-bit.",
         ),
         click.option(
             "--strength",
