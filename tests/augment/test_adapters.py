@@ -110,6 +110,18 @@ def test_a_read_only_array_gets_noise_without_a_warning(channels, dtype):
     assert not np.array_equal(noisy, image)
 
 
+def test_8_bits_of_8_bit_data_are_taken_and_change_nothing():
+    """As docs/augment.md says; all other depths of other types than uint16 are refused."""
+    noisy = []
+    for bits in (None, 8):
+        torch.manual_seed(0)
+        noisy.append(ImageNoise(CAMERA, transfer="linear", bits=bits)(picture()))
+    assert np.array_equal(*noisy)
+    for bits, image in ((12, picture()), (8, picture().astype(np.float32) / 255)):
+        with pytest.raises(InputError, match="bits: "):
+            ImageNoise(CAMERA, transfer="linear", bits=bits)(image)
+
+
 def test_big_endian_arrays_keep_their_type_and_get_the_same_noise():
     image = picture(3, np.uint16, 60000)
     swapped = image.astype(">u2")
