@@ -231,7 +231,7 @@ def test_runs_of_different_versions_are_said(tmp_path):
     alike = Ablation(made, {("baseline", 0): run(), ("vis", 0): run()}, ())  # type: ignore[arg-type]
     assert alike.mixed == ""
     mixed = Ablation(made, {("baseline", 0): run(), ("vis", 0): run(torch="2.15")}, ())  # type: ignore[arg-type]
-    assert "torch 2.14 (1 runs, such as baseline seed 0), 2.15 (1 runs, such as vis seed 0)" in mixed.mixed
+    assert "torch 2.14 (1 run, such as baseline seed 0), 2.15 (1 run, such as vis seed 0)" in mixed.mixed
 
 
 def test_an_arm_is_named_on_the_command_line(tmp_path, capsys):
