@@ -7,6 +7,7 @@ checked.
 import bz2
 import gzip
 import lzma
+import os
 import shutil
 import tarfile
 import zipfile
@@ -26,19 +27,29 @@ from visaug_train.speed import PoseSet
 LISTS = ("camera.json", "train.json")  # of which the uppermost folder of a dataset holds one
 
 
-def prepare_archive(archive: str | Path, destination: str | Path, progress: Progress | None = None) -> Path:
+def prepare_archive(
+    archive: str | Path, destination: str | Path | None, progress: Progress | None = None
+) -> Path:
     """Unpack an archive (zip, tar, tar.gz ...) or take a folder, check it, and return the dataset's root.
 
+    Args:
+        archive: an archive, or a folder, which is used where it lies.
+        destination: folder of the dataset; not used for a folder.
+        progress: called with (description, done, total).
+
     Raises:
-        InputError: the archive is missing, damaged or of something else; or the destination holds something else.
+        InputError: the archive is missing, damaged or of something else; or the destination holds something else, or is
+            missing for an archive.
     """
-    archive, destination = Path(archive), Path(destination)
+    archive = Path(archive)
     if archive.is_dir():
         root = find_root(archive)
-        if destination.exists() and not destination.samefile(root):
-            raise InputError("exists", file=destination, expected=f"no -o: {archive} is used where it lies")
         check(root)
         return root
+    if destination is None:
+        _check_file(archive)
+        raise InputError(f"is missing for {archive}", field="-o", expected="-o DIR, a folder of the dataset")
+    destination = Path(destination)
     sizes = {PurePosixPath(name): size for name, size, _, _ in _members(archive)}
     inside = _root([*sizes], archive)
     if destination.is_dir():
@@ -122,15 +133,33 @@ def check(root: Path) -> dict[str, PoseSet]:
 
 def prepare_dataset(
     archive: Path,
-    output: Path,
+    output: Path | None = None,
     size: str | None = None,
     keypoints: str = "tango",
     coco: bool = False,
     progress: Progress | None = None,
 ) -> str:
-    """All that `visaug prepare` does; what to print."""
+    """All that `visaug prepare` does; what to print.
+
+    Args:
+        archive: an archive, or a folder.
+        output: folder of the dataset. A folder is used where it lies: there, `output` only names what `coco` and `size` write,
+            which otherwise lies beside the dataset.
+        size: "WIDTHxHEIGHT" of copies with labels.
+        keypoints: name or file of the points of the spacecraft.
+        coco: write COCO annotations.
+        progress: called with (description, done, total).
+    """
     width_height = _size(size)
+    unused = archive.is_dir() and output is not None and not (coco or size)
+    if unused and not (output.exists() and output.samefile(find_root(archive))):
+        raise InputError(
+            f"has no use: {archive} is a folder, and is checked where it lies",
+            field="-o",
+            expected="no -o, or --coco or --size, which write beside it",
+        )
     root = prepare_archive(archive, output, progress)
+    output = Path(os.path.abspath(root if output is None else output))
     sets = check(root)
     said = [f"{name}: {len(p)} images{'' if p.labelled else ', no labels'}" for name, p in sets.items()]
     labelled = {name: poses for name, poses in sets.items() if poses.labelled}
@@ -168,8 +197,7 @@ def _size(text: str | None) -> tuple[int, int] | None:
 
 def _members(archive: Path) -> Iterator[tuple[str, int, int, Callable[[], IO[bytes]]]]:
     """Name, size, number of all, and how to read it, of each file in an archive."""
-    if not archive.is_file():
-        raise InputError("no such file", file=archive, expected="a downloaded archive")
+    _check_file(archive)
     with _whole(archive):
         if zipfile.is_zipfile(archive):
             with zipfile.ZipFile(archive) as opened:
@@ -184,6 +212,11 @@ def _members(archive: Path) -> Iterator[tuple[str, int, int, Callable[[], IO[byt
                     yield member.name, member.size, len(files), lambda m=member: opened.extractfile(m)  # type: ignore[return-value]
         else:
             raise InputError("is no archive that can be read", file=archive, expected="zip or tar")
+
+
+def _check_file(archive: Path) -> None:
+    if not archive.is_file():
+        raise InputError("no such file", file=archive, expected="a downloaded archive")
 
 
 @contextmanager

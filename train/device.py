@@ -80,9 +80,11 @@ def cost(config: Config, images: int, arms: Sequence[str] | None = None) -> str:
     seconds = seconds_per_image(config, device)
     hours = total * seconds / 3600
     said = f"{hours:.1f} hours" if hours >= 1 else f"{60 * hours:.0f} minutes"
+    runs = len(names) * seeds
     return (
-        f"cost: {len(names) * seeds} runs, {total:,} images: about {said} on {device} at {1000 * seconds:.1f} ms each, by a trial "
-        "of the network alone; reading, noise and evaluation come on top, and what is finished is not trained again"
+        f"cost: {runs} run{'' if runs == 1 else 's'}, {total:,} images: about {said} on {device} at "
+        f"{1000 * seconds:.1f} ms each, by a trial of the network alone; reading, noise and evaluation come "
+        "on top, and what is finished is not trained again"
     )
 
 

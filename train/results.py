@@ -148,7 +148,10 @@ class Ablation:
                 found.setdefault(key, {}).setdefault(value, []).append(f"{arm} seed {seed}")
         several = [
             f"{key} "
-            + ", ".join(f"{value} ({len(runs)} runs, such as {runs[0]})" for value, runs in by_value.items())
+            + ", ".join(
+                f"{value} ({len(runs)} run{'' if len(runs) == 1 else 's'}, such as {runs[0]})"
+                for value, runs in by_value.items()
+            )
             for key, by_value in found.items()
             if len(by_value) > 1
         ]

@@ -128,7 +128,7 @@ def points_of(camera: Camera, axes: Sequence[str] | None = None) -> list[Severit
     known = [*UNITS, *strengths]
     for axis in axes or ():
         if axis not in known:
-            raise InputError(f"{axis} has no curve", field="severity", expected=f"of {', '.join(known)}")
+            raise InputError(f"{axis} has no curve", field="--curve", expected=f"one of {', '.join(known)}")
     values = {
         "gain_db": [camera.spec.gain_db + step for step in GAIN_STEPS_DB],
         "exposure": (1.0, 0.3, 0.1, 0.03, 0.01),  # shares of the saturating light, about half a decade each

@@ -67,7 +67,8 @@ class Workers:
         for run, title, done, total in iter(self._heard.get, None):
             if run is not None:
                 steps[run] = done
-                title, done, total = f"training, {self.runs} runs", sum(steps.values()), self.runs * total
+                title = f"training, {self.runs} run{'' if self.runs == 1 else 's'}"
+                done, total = sum(steps.values()), self.runs * total
             if self.progress:
                 self.progress(title, done, total)
 

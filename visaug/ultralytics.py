@@ -11,6 +11,7 @@ pixel values: each image takes along a mask that ultralytics' own transforms mov
 """
 
 import os
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -33,7 +34,7 @@ from visaug.core.errors import InputError
 if TYPE_CHECKING:
     from ultralytics import YOLO
 
-    from visaug.camera import Camera
+    from visaug.augment.sensor_noise import Source
 
 EXTENT = (
     "extent"  # of a sample: (H, W) bool, True where a pixel holds a picture and False where it is padding
@@ -60,12 +61,14 @@ OWN_TRAINERS = {
 }
 
 
-def vis_trainer(camera: "Camera | str | Path | nn.Module", base: type | None = None, **options: Any) -> type:
+def vis_trainer(
+    camera: "Source | Sequence[Source] | nn.Module", base: type | None = None, **options: Any
+) -> type:
     """A trainer class for ``YOLO(...).train(trainer=...)`` that noises the training batches.
 
     Args:
-        camera: a camera, its file or shipped name; or any module that maps images (B, C, H, W) in [0, 1] to
-            such.
+        camera: a camera, its file or shipped name, or a list of these, of which each image gets one at random; or any
+            module that maps images (B, C, H, W) in [0, 1] to such.
         base: the trainer to build on; where left out, the one of the model's task.
         options: go to `visaug.VISNoise`, for example ``p=0.5`` or ``gain_db=(0, 24)``. With transfer="auto" the
             training images' files decide, as in `visaug augment`.
@@ -112,7 +115,7 @@ def _trainer(module: nn.Module, base: type | None, of_task: bool) -> type:
     return VISTrainer
 
 
-def add_callback(model: "YOLO", camera: "Camera | str | Path | nn.Module", **options: Any) -> None:
+def add_callback(model: "YOLO", camera: "Source | Sequence[Source] | nn.Module", **options: Any) -> None:
     """Adds the noise to the training of a model whose trainer cannot be chosen.
 
     Use: `add_callback(model, camera); model.train(...)`. Arguments as for `vis_trainer`.
@@ -183,14 +186,13 @@ def check_head(network: Any) -> None:
         )
 
 
-def noise_of(camera: "Camera | str | Path | nn.Module", **options: Any) -> nn.Module:
-    """The noise of a camera; a module is itself."""
+def noise_of(camera: "Source | Sequence[Source] | nn.Module", **options: Any) -> nn.Module:
+    """The noise of a camera, or of several; a module is itself."""
     if isinstance(camera, nn.Module):
         return camera
     from visaug.augment import VISNoise
-    from visaug.camera import Camera
 
-    return VISNoise(Camera.load(camera), **options)
+    return VISNoise(camera, **options)
 
 
 @torch.no_grad()

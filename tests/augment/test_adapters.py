@@ -3,6 +3,7 @@
 import json
 import logging
 import pickle
+import warnings
 
 import kornia.augmentation as K
 import numpy as np
@@ -94,6 +95,31 @@ def test_arrays_keep_their_depth(dtype, bits, top, channels):
     difference = (noisy.astype(float) - image) / full
     assert noisy.max() <= full
     assert 1e-4 < difference.std() < 0.05  # about the noise of 10,000 electrons, or the step of 8 bit
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("dtype", [np.uint8, np.float32])
+def test_a_read_only_array_gets_noise_without_a_warning(channels, dtype):
+    image = picture(channels) if dtype == np.uint8 else picture(channels, dtype) / np.float32(255)
+    image.flags.writeable = False
+    before = image.copy()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        noisy = ImageNoise(CAMERA, transfer="linear")(image)
+    assert np.array_equal(image, before)
+    assert not np.array_equal(noisy, image)
+
+
+def test_8_bits_of_8_bit_data_are_taken_and_change_nothing():
+    """As docs/augment.md says; all other depths of other types than uint16 are refused."""
+    noisy = []
+    for bits in (None, 8):
+        torch.manual_seed(0)
+        noisy.append(ImageNoise(CAMERA, transfer="linear", bits=bits)(picture()))
+    assert np.array_equal(*noisy)
+    for bits, image in ((12, picture()), (8, picture().astype(np.float32) / 255)):
+        with pytest.raises(InputError, match="bits: "):
+            ImageNoise(CAMERA, transfer="linear", bits=bits)(image)
 
 
 def test_big_endian_arrays_keep_their_type_and_get_the_same_noise():

@@ -8,9 +8,11 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
+from click.testing import CliRunner
 from PIL import Image
 
 from visaug import Camera, InputError
+from visaug.app.cli.root import program
 from visaug.augment import files
 from visaug.augment.files import JOURNAL, augment_files
 from visaug.augment.image_io import read_picture
@@ -144,6 +146,23 @@ def test_interrupted_run_goes_on(folder, camera, tmp_path):
     assert augment_files([folder], tmp_path / "parts", camera).written == 0
 
 
+def test_a_changed_copy_is_reported_and_made_anew_by_force_alone(camera, tmp_path):
+    root, out = tmp_path / "in", tmp_path / "out"
+    root.mkdir()
+    for name in ("a.png", "b.png"):
+        png(root / name)
+    augment_files([root], out, camera)
+    whole = contents(out)
+    (out / "a.png").write_bytes(whole["a.png"][:-20])
+    done = augment_files([root], out, camera)
+    assert (done.written, done.kept, done.replaced, len(done.failed)) == (0, 1, 0, 1)
+    assert "a.png: was changed since visaug wrote it" in done.failed[0]
+    assert contents(out)["a.png"] == whole["a.png"][:-20]
+    done = augment_files([root], out, camera, force=True)
+    assert (done.written, done.kept, done.replaced) == (1, 1, 1)
+    assert contents(out) == whole
+
+
 def test_other_settings_or_another_original_are_done_anew(folder, camera, tmp_path):
     out = tmp_path / "out"
     augment_files([folder], out, camera)
@@ -170,6 +189,34 @@ def test_output_inside_input_is_not_read_again(folder, camera):
     out = folder / "noisy"
     assert augment_files([folder], out, camera).written == len(FORMATS)
     assert augment_files([folder], out, camera).kept == len(FORMATS)
+
+
+def test_copies_of_earlier_calls_are_passed_over_and_named(camera, tmp_path):
+    root = tmp_path / "in"
+    root.mkdir()
+    png(root / "a.png")
+    augment_files([root], root, camera, copies=2)  # beside the original
+    again = augment_files([root], root, camera, copies=2)
+    assert (again.written, again.kept, again.outputs) == (0, 2, [root])
+    augment_files([root], root / "sub" / "noisy", camera)
+    done = augment_files([root], tmp_path / "out", camera)
+    assert set(contents(tmp_path / "out")) == {"a.png"}
+    assert (set(done.outputs), done.again) == ({root, root / "sub" / "noisy"}, [])
+    copies = augment_files([root / "sub" / "noisy"], tmp_path / "twice", camera)
+    assert (copies.written, copies.outputs, copies.again) == (1, [], [root / "sub" / "noisy"])
+
+
+def test_the_command_names_the_copies_that_it_passes_over(tmp_path):
+    def said(output, *more):
+        words = ["augment", str(root), "-o", str(output), "--camera", "sony_imx174", *more]
+        return CliRunner().invoke(program, words, catch_exceptions=False).output
+
+    root = tmp_path / "in"
+    png(root / "a.png")
+    said(root / "noisy")
+    assert f"skipped copies of visaug augment in {root / 'noisy'}" in said(root / "noisy")
+    (root / "notes.txt").touch()
+    assert "copied 1 other file as it is\n" in said(tmp_path / "out", "--copy-labels")
 
 
 def test_palette_transparency_and_compression(camera, tmp_path):

@@ -1,5 +1,7 @@
 """The journal of `visaug augment` believes only what it wrote, and keeps what others wrote."""
 
+import json
+
 import pytest
 
 from visaug.augment.journal import JOURNAL, Journal
@@ -28,6 +30,37 @@ def test_a_copy_of_the_same_is_held(folder):
     assert holds(folder)
     (folder / "a.png").unlink()
     (folder / "a.png").mkdir()
+    assert not holds(folder)
+
+
+@pytest.mark.parametrize("content", [b"the cOpy", b"the", b""])
+def test_a_copy_that_was_changed_is_not_held(folder, content):
+    (folder / "a.png").write_bytes(content)
+    assert not holds(folder)
+
+
+def test_a_copy_of_another_size_is_not_read(folder, monkeypatch):
+    (folder / "a.png").write_bytes(b"the")
+    monkeypatch.setattr("visaug.augment.journal.content_of", None)
+    assert not holds(folder)
+
+
+def test_a_folder_in_the_place_of_a_copy_is_one_clear_line(folder):
+    (folder / "a.png").unlink()
+    (folder / "a.png").mkdir()
+    with Journal(folder) as journal, pytest.raises(InputError, match="was changed since"):
+        journal.begin("a.png")
+
+
+def test_a_journal_without_sizes_is_believed(folder):
+    """As earlier versions wrote it."""
+    path = folder / JOURNAL
+    lines = [json.loads(line) for line in path.read_text().splitlines() if line]
+    path.write_text(
+        "".join(json.dumps({k: line[k] for k in ("name", "of", "copy")}) + "\n" for line in lines)
+    )
+    assert holds(folder)
+    (folder / "a.png").write_bytes(b"the cOpy")
     assert not holds(folder)
 
 

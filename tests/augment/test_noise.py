@@ -346,6 +346,64 @@ def test_the_repr_names_what_was_chosen():
     assert "test camera" in repr(SensorNoise(camera()))
 
 
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ({"gain_e_per_dn": -1}, r"gain_e_per_dn: -1 is not valid; expected a number from 1e-06"),
+        ({"gain_e_per_dn": float("nan")}, "gain_e_per_dn: nan"),
+        ({"full_well_e": float("nan")}, "full_well_e: nan"),
+        ({"quantum_efficiency": 1.5}, "quantum_efficiency: 1.5 is not valid; .* from 0.0001 to 1"),
+        ({"read_noise.sigma_e": float("inf")}, "read_noise.sigma_e: inf"),
+        ({"read_noise.sigma_e": "much"}, "'much' is not a number; expected a number from 0 to 10000 e-"),
+        ({"read_noise.sigma_e": True}, "True is not a number"),
+        ({"read_noise.sigma_e": None}, "None is not a number"),
+        ({"read_noise.sigma_e": torch.tensor([1.0, -2.0])}, "read_noise.sigma_e: -2 is not valid"),
+        ({"read_noise.sigma_e": torch.nn.Parameter(torch.tensor(-1.0))}, "read_noise.sigma_e: -1"),
+        ({"read_noise.sigma_e": torch.zeros(2, 2)}, r"has shape \(2, 2\)"),
+        ({"read_noise.sigma_e": torch.zeros(0)}, r"has shape \(0,\)"),
+        ({"black_level_dn": 65535}, "black_level_dn: 65535 is not valid; .* to 65534"),
+        ({"dead_pixels.density": 0.1}, "dead_pixels.density: is not a parameter"),
+        (["gain_e_per_dn"], "values: .* expected a dict"),
+    ],
+)
+def test_values_out_of_the_range_of_a_camera_file_are_refused(values, says):
+    for kind in (SensorNoise, VISNoise):
+        with pytest.raises(InputError, match=says):
+            kind(camera(), values=values)
+
+
+def test_values_at_the_ends_of_their_range_and_one_for_each_image_are_taken(fast):
+    SensorNoise(camera(), values={"quantum_efficiency": torch.tensor(1e-4), "full_well_e": float("inf")})
+    sigma = torch.tensor([0.0, 500.0, 0.0])
+    noise = SensorNoise(camera(), values={"read_noise.sigma_e": sigma}, fast=fast)
+    spread = noise(torch.full((3, 1, 24, 24), 0.5)).std((1, 2, 3))
+    assert spread[1] > 2 * spread[0].maximum(spread[2])
+    with pytest.raises(InputError, match="sigma_e: has 3 values for 2 images"):
+        noise(torch.full((2, 1, 24, 24), 0.5))
+    with pytest.raises(InputError, match="for several cameras"):
+        SensorNoise([camera(), camera()], values={"read_noise.sigma_e": sigma})
+
+
+@pytest.mark.parametrize("origin", [(-1, 0), (1, 2, 3), (0.5, 1), "ab", 5, (True, 1), (70000, 0)])
+def test_an_origin_that_is_no_pixel_is_refused(origin):
+    with pytest.raises(InputError, match=r"origin: .* expected \(row, column\)"):
+        SensorNoise(camera(), origin=origin)
+
+
+def test_an_origin_is_two_numbers_in_the_repr():
+    assert "origin=(5, 5)" in repr(SensorNoise(camera(), origin=[5, 5]))  # a list, as JSON has it
+
+
+@pytest.mark.parametrize(
+    "stored",
+    [None, 5, "draws", {"a": 1}, {}, {"keys": 5}, {"keys": ["zz"]}, [1], [{"name": "a"}], [{"name": "a", "data": 5}],
+     {"keys": ["1"], "camera": {"type": "no", "shape": [], "values": []}}],
+)  # fmt: skip
+def test_what_is_no_stored_draws_is_refused(stored):
+    with pytest.raises(InputError, match="draws: these are no stored draws"):
+        draws_from_json(stored)
+
+
 def test_gradients_take_the_exact_chain():
     images = eight_bit(1, 1, 20, 20).requires_grad_()
     VISNoise(camera())(images).sum().backward()

@@ -45,6 +45,34 @@ def test_one_command_makes_a_ready_dataset(archive, tmp_path, capsys):
     assert prepare(archive, "-o", tmp_path / "data", "--size", "80x50") == 0
 
 
+def test_a_folder_is_checked_where_it_lies_and_needs_no_output(rendered, tmp_path, capsys):
+    root = tmp_path / "in" / "speedplus"
+    shutil.copytree(rendered, root, ignore=shutil.ignore_patterns("images_linear"))
+    before = sorted(root.rglob("*"))
+    assert prepare(tmp_path / "in") == 0
+    assert f"ready: {root}" in capsys.readouterr().out
+    assert prepare(root, "-o", root) == 0
+    for output in (tmp_path / "new", tmp_path):
+        assert prepare(root, "-o", output) == 2
+        error = capsys.readouterr().err
+        assert f"-o: has no use: {root} is a folder" in error
+        assert error.count("\n") == 1
+    assert prepare(tmp_path / "in", "--coco", "--size", "80x50") == 0
+    assert (tmp_path / "in" / "speedplus-coco" / "synthetic-train.json").is_file()
+    assert (tmp_path / "in" / "speedplus-80x50" / "labels" / "val").is_dir()
+    assert prepare(root, "-o", tmp_path / "new", "--coco") == 0
+    assert (tmp_path / "new-coco" / "synthetic-train.json").is_file()
+    assert not (tmp_path / "new").exists()
+    assert sorted(root.rglob("*")) == before
+
+
+def test_an_archive_needs_an_output(archive, tmp_path, capsys):
+    assert prepare(archive) == 2
+    assert "-o: is missing" in capsys.readouterr().err
+    assert prepare(tmp_path / "none.zip") == 2
+    assert "none.zip: no such file" in capsys.readouterr().err
+
+
 def test_tar_is_unpacked_too(rendered, tmp_path):
     packed = shutil.make_archive(str(tmp_path / "set"), "gztar", rendered)
     assert (prepare_archive(packed, tmp_path / "data") / "synthetic" / "train.json").is_file()

@@ -64,7 +64,7 @@ def config(rendered, tmp_path):
 
 def test_one_arm_is_trained_and_both_of_its_weights_are_scored(stubbed, config, tmp_path):
     said = call("train", config, "--arm", "baseline").output
-    assert "cost: 1 runs, 8 images" in said
+    assert "cost: 1 run, 8 images" in said
     assert "bf16 is off" in said
     assert [p.name.split("-")[0] for p in (tmp_path / "out" / "runs").iterdir()] == ["baseline"]
     call("evaluate", config, "--arm", "baseline", "--json", tmp_path / "s.json")

@@ -102,7 +102,7 @@ def test_the_cost_counts_every_image_of_every_run(tmp_path, monkeypatch):
     )
     # 100 images: 2 seeds of 3 + 7 epochs, and 2 of the start, are 2,200 at half a second
     assert "4 runs, 2,200 images: about 18 minutes" in device.cost(config, 100)
-    assert "1 runs, 900 images: about 8 minutes" in device.cost(config, 100, ["long"])
+    assert "1 run, 900 images: about 8 minutes" in device.cost(config, 100, ["long"])
 
 
 def test_a_trial_measures_the_network_and_leaves_the_random_numbers(tmp_path):
@@ -231,7 +231,7 @@ def test_runs_of_different_versions_are_said(tmp_path):
     alike = Ablation(made, {("baseline", 0): run(), ("vis", 0): run()}, ())  # type: ignore[arg-type]
     assert alike.mixed == ""
     mixed = Ablation(made, {("baseline", 0): run(), ("vis", 0): run(torch="2.15")}, ())  # type: ignore[arg-type]
-    assert "torch 2.14 (1 runs, such as baseline seed 0), 2.15 (1 runs, such as vis seed 0)" in mixed.mixed
+    assert "torch 2.14 (1 run, such as baseline seed 0), 2.15 (1 run, such as vis seed 0)" in mixed.mixed
 
 
 def test_an_arm_is_named_on_the_command_line(tmp_path, capsys):

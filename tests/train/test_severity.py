@@ -92,5 +92,5 @@ def test_one_thing_changes_at_a_time() -> None:
     assert at["row_noise", 0.0]["row_noise.sigma_e"] == 0
     assert at["row_noise", 0.0]["read_noise.sigma_e"] == 8
     assert at["row_noise", 10.0]["row_noise.sigma_e"] == pytest.approx(20.0)
-    with pytest.raises(InputError, match="hot_pixels has no curve"):
+    with pytest.raises(InputError, match="--curve: hot_pixels has no curve; expected one of gain_db"):
         points_of(camera, ["hot_pixels"])

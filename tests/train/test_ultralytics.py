@@ -263,6 +263,25 @@ def test_trainer_and_callback_survive_the_way_to_a_worker(tmp_path):
     assert not torch.equal(by_callback, images)
 
 
+def test_a_list_gives_each_image_one_camera_at_random(tmp_path):
+    from ultralytics import YOLO
+
+    quiet = visaug.Camera.load(
+        {"name": "quiet", "resolution": [64, 64], "bit_depth": 12, "gain_e_per_dn": 10}
+    )
+    loud = quiet.replace({"name": "loud", "read_noise.sigma_e": 4000.0})
+    loud.save(tmp_path / "loud.yaml")
+    cameras = [quiet, tmp_path / "loud.yaml"]
+    model = YOLO("yolov8n-pose.yaml", verbose=False)
+    add_callback(model, cameras)
+    for noise in (vis_trainer(cameras).noise, model.callbacks["on_train_start"][0].noise):
+        assert "'quiet', 'loud'" in str(noise)
+        torch.manual_seed(0)
+        noisy = noised({"img": torch.full((16, 3, 32, 32), 0.5)}, noise)["img"]
+        is_loud = noisy.std((1, 2, 3)) > 0.03
+        assert 2 <= is_loud.sum() <= 14  # outside with a probability of 5e-4; the seed is fixed
+
+
 def test_tuning_trains_with_the_noise_of_the_callback(data_yaml, tmp_path):
     """ultralytics itself starts a process without callbacks for each training of a tuning."""
     from ultralytics import YOLO

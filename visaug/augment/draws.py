@@ -13,6 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from visaug.core.errors import InputError
 from visaug.core.extras import extra
 from visaug.core.sampling import derive_key, signed
 
@@ -39,16 +40,28 @@ def draws_from_json(plain: Any) -> Any:
     """The draws that `draws_to_json` wrote; the noise they replay is the same bit by bit.
 
     Those of a container come back as kornia's `ParamItem`s, for `container(images, params=...)`.
+
+    Raises:
+        InputError: something else.
     """
+    is_draws = "keys" in plain if isinstance(plain, Mapping) else isinstance(plain, list)
+    try:
+        if is_draws:
+            return _draws(plain)
+    except InputError:  # kornia is missing
+        raise
+    except (TypeError, ValueError, KeyError, AttributeError, RuntimeError, OverflowError):
+        pass
+    raise InputError("these are no stored draws", field="draws", expected="what `draws_to_json` returned")
+
+
+def _draws(plain: Any) -> Any:
     if isinstance(plain, Mapping):
         return {name: _tensor(name, value) for name, value in plain.items()}
     with extra(field="params"):
         from kornia.augmentation.container.params import ParamItem
 
-    return [
-        ParamItem(item["name"], None if item["data"] is None else draws_from_json(item["data"]))
-        for item in plain
-    ]
+    return [ParamItem(item["name"], None if item["data"] is None else _draws(item["data"])) for item in plain]
 
 
 def _plain(name: str, value: Tensor) -> Any:

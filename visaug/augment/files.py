@@ -51,6 +51,8 @@ class Augmented:
         unlabelled: number of pictures without YOLO labels, where YOLO labels were copied for others.
         carried: number of other files that were copied as they are, with `labels`.
         like_labels: reason -> number of files that look like labels and were copied without noise.
+        outputs: folders in which copies of this or an earlier call were passed over; see `visaug.augment.jobs.CopyPlan`.
+        again: inputs that hold nothing but copies of earlier calls.
     """
 
     written: int = 0
@@ -65,6 +67,8 @@ class Augmented:
     unlabelled: int = 0
     carried: int = 0
     like_labels: Counter[str] = field(default_factory=Counter)
+    outputs: list[Path] = field(default_factory=list)
+    again: list[Path] = field(default_factory=list)
 
 
 def augment_files(
@@ -100,7 +104,8 @@ def augment_files(
             YOLO labels alone: other annotations name single pictures.
         include: patterns of the pictures that get noise, see `visaug.augment.jobs.matches`; empty means all.
         exclude: patterns of those that do not.
-        force: add noise to files that look like labels too, and replace files that visaug did not write.
+        force: add noise to files that look like labels too, and replace files that visaug did not write, or that were
+            changed since.
         progress: called with (description, files done, files in all).
         options: passed to `SensorNoise`, e.g. transfer="srgb" or gain_db=(0, 24). transfer="auto" decides by
             each file; see `visaug.augment.image_io.transfer`.
@@ -142,6 +147,7 @@ def augment_files(
         for name, source in carried.items():
             work.carry(name, source)
     done = work.done
+    done.outputs, done.again = jobs.outputs, jobs.again
     if not labels:
         done.skipped, done.excluded = jobs.skipped, jobs.excluded
     if not work.labelled and done.carried:
@@ -211,12 +217,13 @@ class _Work:
 
     def write(self, name: str, of: str, into: Callable[[Path], Any]) -> None:
         """A file that is whole or absent, and in the journal."""
-        self.done.replaced += (self.output / name).exists()
+        there = (self.output / name).exists()
         self.journal.begin(name)
         with whole_file(self.output / name) as temporary:
             into(temporary)
         self.journal.add(name, of)
         self.done.written += 1
+        self.done.replaced += there
 
     def copy_label(self, name: str, source: Path) -> None:
         """The YOLO labels of a picture."""

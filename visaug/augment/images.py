@@ -150,7 +150,9 @@ def to_tensor(image: Any) -> Tensor:
                 expected="(H, W, C), or a tensor (C, H, W)",
             )
         native = planes.astype(planes.dtype.newbyteorder("="), copy=False)  # FITS and some TIFF: big-endian
-        tensor, place = torch.from_numpy(np.ascontiguousarray(native.transpose(2, 0, 1))), 2
+        whole = np.ascontiguousarray(native.transpose(2, 0, 1))
+        # nothing writes to it, but PyTorch warns of memory that is read-only
+        tensor, place = torch.from_numpy(whole if whole.flags.writeable else whole.copy()), 2
     elif hasattr(image, "mode") and hasattr(image, "getbands"):
         if image.mode not in PIL_MODES:
             expected = PIL_ARRAYS.get(image.mode, "image.convert('RGB') or 'L'")

@@ -8,6 +8,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
 
 from visaug.augment.image_io import SUFFIXES
+from visaug.augment.journal import JOURNAL, made_in
 from visaug.core.errors import InputError
 
 
@@ -20,12 +21,17 @@ class CopyPlan:
         others: name -> file that is no picture, or not one of those chosen.
         excluded: number of pictures that the patterns leave out.
         skipped: suffix -> number of files that are no pictures.
+        outputs: folders of the inputs in which copies of `visaug augment` were passed over: all of a folder below an input, and
+            in an input itself the copies alone.
+        again: inputs that hold nothing but such copies, which are read.
     """
 
     sources: dict[str, Path] = field(default_factory=dict)
     others: dict[str, Path] = field(default_factory=dict)
     excluded: int = 0
     skipped: Counter[str] = field(default_factory=Counter)
+    outputs: list[Path] = field(default_factory=list)
+    again: list[Path] = field(default_factory=list)
 
 
 def plan_jobs(
@@ -40,7 +46,8 @@ def plan_jobs(
     Args:
         inputs: pictures and folders; folders are searched whole, linked ones too. Where files of several inputs would have
             one place, each is kept in the folders that tell the inputs apart.
-        output: folder of the copies; files in it are not read as inputs.
+        output: folder of the copies; files in it are not read as inputs, nor are those of earlier calls' output folders
+            below an input.
         copies: of each picture; with more than one, `a.png` becomes `a_1.png`, `a_2.png`, ...
         include: patterns, of which a picture has to match one; see `matches`. Empty means every picture.
         exclude: patterns, of which it may match none.
@@ -50,7 +57,7 @@ def plan_jobs(
     """
     jobs = CopyPlan()
     unused = set(include)
-    for placed, name, source in _placed(inputs, output):
+    for placed, name, source in _placed(inputs, output, jobs):
         suffix = source.suffix.lower()
         used = {pattern for pattern in include if matches(name, pattern)}
         unused -= used
@@ -98,9 +105,9 @@ def matches(name: str, pattern: str) -> bool:
     )
 
 
-def _placed(inputs: Sequence[Path], output: Path) -> list[tuple[str, str, Path]]:
-    """(place below the output, name below its input, path) of every file of the inputs."""
-    found = [(start, name, source) for start in inputs for name, source in _files(start, output)]
+def _placed(inputs: Sequence[Path], output: Path, jobs: CopyPlan) -> list[tuple[str, str, Path]]:
+    """(place below the output, name below its input, path) of every file of the inputs; `jobs` gets which copies are among them."""
+    found = [(start, name, source) for start in inputs for name, source in _files(start, output, jobs)]
     first: dict[str, Path] = {}
     apart = any(first.setdefault(name, source).resolve() != source.resolve() for _, name, source in found)
     if not apart:
@@ -141,7 +148,7 @@ def find_label(picture: Path) -> Path | None:
     return None
 
 
-def _files(start: Path, output: Path) -> Iterator[tuple[str, Path]]:
+def _files(start: Path, output: Path, jobs: CopyPlan) -> Iterator[tuple[str, Path]]:
     """(name below `start`, path) of its visible files."""
     if start.is_file():
         if start.suffix.lower() not in SUFFIXES:
@@ -150,22 +157,34 @@ def _files(start: Path, output: Path) -> Iterator[tuple[str, Path]]:
             )
         yield start.name, start
     elif start.is_dir():
-        for path in _walk(start, output.resolve(), ()):
+        files = list(_walk(start, output.resolve(), jobs.outputs, ()))
+        made = {start / name for name in made_in(start)}
+        others = [path for path in files if path not in made]
+        is_output = start.resolve() == output.resolve()
+        if made and not is_output and not any(path.suffix.lower() in SUFFIXES for path in others):
+            jobs.again.append(start)
+        elif made:
+            jobs.outputs.append(start)
+            files = others
+        for path in files:
             yield path.relative_to(start).as_posix(), path
     else:
         raise InputError("no such file or folder", file=start)
 
 
-def _walk(folder: Path, output: Path, above: tuple[Path, ...]) -> Iterator[Path]:
-    """Files below, through links, but for hidden ones, the output folder, and a link back to a folder above."""
+def _walk(folder: Path, output: Path, outputs: list[Path], above: tuple[Path, ...]) -> Iterator[Path]:
+    """Files below, through links, but for hidden ones, output folders, and a link back to a folder above."""
     here = folder.resolve()
-    if here in above or (here == output and above):
+    if here in above:
+        return
+    if above and (here == output or (folder / JOURNAL).is_file()):
+        outputs.append(folder)
         return
     with os.scandir(folder) as entries:
         for entry in sorted(entries, key=lambda entry: entry.name):
             if entry.name.startswith("."):
                 continue
             if entry.is_dir():
-                yield from _walk(folder / entry.name, output, (*above, here))
+                yield from _walk(folder / entry.name, output, outputs, (*above, here))
             elif entry.is_file():
                 yield folder / entry.name

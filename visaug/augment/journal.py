@@ -21,7 +21,8 @@ class Journal:
     """The files that visaug made in a folder.
 
     Lines of JSON, the last of a name counts: one before a file is written, so that an interrupted run knows it as its own,
-    and one after. A file is done if it exists and was made of the same: settings, code, maps and original, as one hash.
+    and one after. A file is done if it is there as it was written and was made of the same: settings, code, maps and original,
+    as one hash.
     One command at a time writes into the folder.
 
     Args:
@@ -39,12 +40,7 @@ class Journal:
             opening.enter_context(folder_lock(self.folder))
             if self.path.is_symlink():
                 raise InputError("is a link", file=self.path, expected="a file that visaug wrote, or none")
-            for line in self.path.read_bytes().split(b"\n") if self.path.exists() else []:
-                try:
-                    entry = parse_json(line.decode())
-                    self.made[str(entry["name"])] = {"of": str(entry["of"]), "copy": str(entry["copy"])}
-                except (InputError, UnicodeDecodeError, TypeError, KeyError):  # torn, or from elsewhere
-                    continue
+            self.made = made_in(self.folder)
             self._handle = opening.enter_context(open(self.path, "a", encoding="utf-8"))
             self._handle.write("\n")  # closes a line that an interruption tore
             self._open = opening.pop_all()
@@ -54,8 +50,8 @@ class Journal:
         self._open.close()
 
     def holds(self, name: str, of: str) -> bool:
-        """Whether the file is there and made of the same."""
-        return self.made.get(name, {}).get("of") == of and (self.folder / name).is_file()
+        """Whether the file is there, as visaug left it, and made of the same."""
+        return self.made.get(name, {}).get("of") == of and self._as_left(name)
 
     def check_new(self, names: list[str]) -> None:
         """Refuses, before any work, names at which something lies that visaug did not write."""
@@ -76,22 +72,43 @@ class Journal:
         """
         place = self.folder / name
         left = self.made.get(name, {}).get("copy")
-        if place.exists() and not self.force and (left is None or (left and left != content_of(place))):
+        if place.exists() and not self.force and (left is None or (left and not self._as_left(name))):
             raise InputError(
                 "was changed since visaug wrote it" if left else "exists, and visaug did not write it",
                 file=place,
                 expected="another output folder, or --force to replace it",
             )
-        self._add(name, "", "")
+        self._add(name)
 
     def add(self, name: str, of: str) -> None:
         """The file is in its place."""
-        self._add(name, of, content_of(self.folder / name))
+        place = self.folder / name
+        self._add(name, of, content_of(place), str(place.stat().st_size))
 
-    def _add(self, name: str, of: str, copy: str) -> None:
-        self.made[name] = {"of": of, "copy": copy}
-        self._handle.write(json.dumps({"name": name, "of": of, "copy": copy}) + "\n")
+    def _as_left(self, name: str) -> bool:
+        """Whether the file has the content that visaug wrote; its size tells most others without reading them."""
+        place, left = self.folder / name, self.made[name]
+        if not place.is_file() or left["bytes"] not in ("", str(place.stat().st_size)):
+            return False
+        return content_of(place) == left["copy"]
+
+    def _add(self, name: str, of: str = "", copy: str = "", size: str = "") -> None:
+        self.made[name] = {"of": of, "copy": copy, "bytes": size}
+        self._handle.write(json.dumps({"name": name, **self.made[name]}) + "\n")
         self._handle.flush()
+
+
+def made_in(folder: Path) -> dict[str, dict[str, str]]:
+    """What visaug made in a folder: names below it, and what the journal holds of each."""
+    path, made = folder / JOURNAL, {}
+    for line in path.read_bytes().split(b"\n") if path.is_file() else []:
+        try:
+            entry = parse_json(line.decode())
+            known = {"of": str(entry["of"]), "copy": str(entry["copy"])}
+            made[str(entry["name"])] = {**known, "bytes": str(entry.get("bytes", ""))}
+        except (InputError, UnicodeDecodeError, TypeError, KeyError):  # torn, or from elsewhere
+            continue
+    return made
 
 
 def content_of(path: Path) -> str:

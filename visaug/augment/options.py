@@ -10,6 +10,7 @@ from torch import Tensor
 
 from visaug.camera.loops import ends
 from visaug.core.errors import InputError
+from visaug.effects.parameter import Parameter, bounds_text
 
 Range = float | tuple[float, float] | None
 CHOICES = {
@@ -23,6 +24,7 @@ LEAST, MOST = -0.5, 1.5
 
 # of the saturation exposure: a pixel of the largest full wells (1e6 e-) then holds one electron
 LEAST_EXPOSURE = 1e-6
+MOST_PIXELS = 65535  # of a sensor's rows, and columns; see `visaug.camera.spec`
 # An image that goes below the first, with more than this share of its values below 0, has had its mean subtracted:
 # resampling and a subtracted black level go less far, or in fewer pixels.
 NORMALIZED, NORMALIZED_SHARE = -0.05, 0.25
@@ -89,6 +91,47 @@ def check_seed(seed: Any) -> int | None:
     if seed is None or (isinstance(seed, Integral) and not isinstance(seed, bool)):
         return None if seed is None else int(seed)
     raise InputError(f"{seed!r} is not valid", field="seed", expected="a whole number, or None")
+
+
+def check_origin(origin: Any) -> tuple[int, int] | None:
+    """None, or row and column of the sensor at which an image begins."""
+    if origin is None:
+        return None
+    pair = isinstance(origin, Sequence) and not isinstance(origin, str | bytes) and len(origin) == 2
+    whole = pair and all(isinstance(one, Integral) and not isinstance(one, bool) for one in origin)
+    if not whole or not all(0 <= one < MOST_PIXELS for one in origin):
+        raise InputError(
+            f"{origin!r} is not valid",
+            field="origin",
+            expected=f"(row, column), two whole numbers from 0 to {MOST_PIXELS - 1}, or None",
+        )
+    return int(origin[0]), int(origin[1])
+
+
+def check_replacement(path: str, value: Any, parameter: Parameter) -> None:
+    """Refuses what cannot replace a camera's number: a number or tensor of this range, for all images or one for each.
+
+    Tensors are read here, once, and not in each call, which would wait for a GPU.
+    """
+    try:
+        tensor = torch.as_tensor(value)
+    except (TypeError, ValueError, RuntimeError):
+        tensor = None
+    if tensor is None or tensor.dtype == torch.bool or tensor.is_complex():
+        raise InputError(f"{value!r} is not a number", field=path, expected=bounds_text(parameter))
+    numbers = tensor.detach().float()
+    if not numbers.numel() or any(size != 1 for size in numbers.shape[1:]):
+        raise InputError(
+            f"has shape {tuple(numbers.shape)}",
+            field=path,
+            expected="one number, or (B,) with one for each image",
+        )
+    fits = (numbers >= parameter.low) & (numbers <= parameter.high)
+    fits &= numbers.isfinite() | (path == "full_well_e")  # which is infinite where a camera states none
+    fits &= (numbers == numbers.round()) | (not parameter.integer)
+    if not fits.all():
+        expected = bounds_text(parameter) + (", whole" if parameter.integer else "")
+        raise InputError(f"{numbers[~fits][0].item():g} is not valid", field=path, expected=expected)
 
 
 def check_images(images: Any) -> Tensor:

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,12 +27,15 @@ from visaug.augment.options import (
     check_images,
     check_number,
     check_number_of_draws,
+    check_origin,
     check_range,
+    check_replacement,
     check_seed,
     check_strength,
     check_values,
 )
 from visaug.camera import Camera, fast
+from visaug.camera.paths import place_of
 from visaug.camera.randomize import spreads
 from visaug.camera.scale import with_maps_at_strength
 from visaug.core.errors import InputError
@@ -76,10 +80,10 @@ class SensorNoise(nn.Module):
             distributed training share the kept pattern and have independent random numbers.
         full_scale_photons: mean photons per pixel at image value 1, > 0, instead of saturation. The brightness then depends
             on gain and quantum efficiency; the output is still 1 at saturation.
-        values: replacements for camera parameters by path, e.g. {"read_noise.sigma_e": nn.Parameter(...)}. Gradients
-            reach them.
-        origin: row and column of the sensor at which the image begins, if it is a crop. Kept patterns and effects that
-            depend on the position on the sensor then belong to this window.
+        values: replacements for camera parameters by path, e.g. {"read_noise.sigma_e": nn.Parameter(...)}: a number or tensor
+            in the range of camera.yaml, or with one camera a tensor (B,) of one value for each image. Gradients reach them.
+        origin: row and column of the sensor at which the image begins, if it is a crop, whole numbers from 0. Kept patterns
+            and effects that depend on the position on the sensor then belong to this window.
         mono: how one sensor serves several channels. None follows the camera: a camera with `colour` filters images through
             its mosaic (see `visaug.camera.colour`), and a one-channel image gets the luminance of the result; a camera without
             filters is monochrome. True: the noise of the exposed luminance 0.2126 R + 0.7152 G + 0.0722 B is added to every
@@ -137,7 +141,7 @@ class SensorNoise(nn.Module):
         self.transfer = check_choice("transfer", transfer)
         self.black_level = check_choice("black_level", black_level)
         self.resolution = check_choice("resolution", resolution)
-        self.fast, self.seed, self.origin = fast, check_seed(seed), origin
+        self.fast, self.seed, self.origin = fast, check_seed(seed), check_origin(origin)
         self.mono = check_flag("mono", mono)
         if full_scale_photons is not None:
             full_scale_photons = check_number("full_scale_photons", full_scale_photons, 0, 1e12, above=True)
@@ -147,6 +151,8 @@ class SensorNoise(nn.Module):
         self.strength = check_strength(strength)
         if self.strength not in (0, 1):
             self.cameras = tuple(with_maps_at_strength(camera, self.strength) for camera in self.cameras)
+        if not isinstance(values or {}, Mapping):
+            raise InputError(f"{values!r} is not valid", field="values", expected="a dict of path and value")
         if gain_db is not None and "gain_db" in (values or {}):
             raise InputError("is given twice", field="gain_db", expected="the option, or an entry of values")
         if self.black_level == "keep" and mono is None and any(camera.spec.colour for camera in self.cameras):
@@ -165,6 +171,14 @@ class SensorNoise(nn.Module):
         if path not in known:
             raise InputError(
                 "is not a parameter of this camera", field=path, expected=f"one of {', '.join(known)}"
+            )
+        parameter = place_of(path).parameter
+        if path == "black_level_dn":  # as in a camera.yaml, it leaves a range for the signal
+            parameter = replace(parameter, high=2 ** min(camera.bit_depth for camera in self.cameras) - 2)
+        check_replacement(path, value, parameter)
+        if len(self.cameras) > 1 and torch.as_tensor(value).numel() > 1:
+            raise InputError(
+                "has a value for each image", field=path, expected="one number, for several cameras"
             )
         name = self._names[path] = "value_" + path.replace(".", "_")
         if isinstance(value, nn.Parameter):
@@ -305,7 +319,14 @@ class SensorNoise(nn.Module):
     def _exposure(self, camera: Camera, draws: Mapping[str, Tensor], light: Tensor) -> Exposure:
         may_be_fast, known = self._may_be_fast(light), camera.arrays()
         changed = {path: value for path, value in draws.items() if path in known}
-        changed |= {path: getattr(self, name) for path, name in self._names.items()}
+        for path, name in self._names.items():
+            changed[path] = getattr(self, name)
+            if changed[path].numel() not in (1, len(light)):
+                raise InputError(
+                    f"has {changed[path].numel()} values for {len(light)} images",
+                    field=path,
+                    expected="one number, or one for each image",
+                )
         return Exposure(
             camera,
             draws,
@@ -346,7 +367,8 @@ class SensorNoise(nn.Module):
         for name, default in DEFAULTS.items():
             value = getattr(self, name)
             if value != default:
-                value = value[0] if isinstance(value, tuple) and value[0] == value[-1] else value
+                a_range = name in ("gain_db", "exposure")
+                value = value[0] if a_range and value[0] == value[-1] else value
                 words.append(f"{name}={value!r}")
         if self._names:
             words.append(f"values of {', '.join(self._names)}")

@@ -55,16 +55,23 @@ def demo(output: Path, full: bool, seed: int) -> None:
 @command(
     "prepare",
     example="visaug prepare speedplusv2.zip -o datasets/speedplus\n"
-    "visaug prepare speed.zip -o datasets/speed --coco --size 640x400",
+    "visaug prepare speed.zip -o datasets/speed --coco --size 640x400\n"
+    "visaug prepare datasets/speed",
 )
 @click.argument("archive", metavar="ARCHIVE", type=click.Path(path_type=Path))
-@output_option("DIR", "Folder of the dataset.", required=True)
+@output_option(
+    "DIR",
+    "Folder of the dataset, required for an archive. A folder is used where it lies: there, DIR only names what --coco and "
+    "--size write.",
+)
 @click.option(
     "--size", metavar="WxH", help="Also write copies of this size with ultralytics labels, beside DIR."
 )
 @click.option("--coco", is_flag=True, help="Also write COCO keypoint annotations of every set, to DIR-coco.")
 @keypoints_option
-def prepare(archive: Path, output: Path, size: str | None, coco: bool, keypoints: str, seed: int) -> None:
+def prepare(
+    archive: Path, output: Path | None, size: str | None, coco: bool, keypoints: str, seed: int
+) -> None:
     """Unpack and check an archive or a folder of SPEED, SPEED+, SHIRT, SPE3R, SPARK 2022, SpaceSense-Bench, BOP or COCO keypoints.
 
     If interrupted, the same command resumes. An archive that is not the one DIR was made of is refused.

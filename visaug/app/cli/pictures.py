@@ -49,7 +49,7 @@ def light_options(function: Decorator) -> Decorator:
         click.option(
             "--bits",
             type=click.IntRange(1, 16),
-            help="Bits used in 16-bit data, if fewer: 10, 12 or 14. Refused for 8-bit and floating-point data.",
+            help="Bits used in 16-bit data, if fewer: 10, 12 or 14. Refused for other data, except 8 for 8-bit.",
         ),
         click.option(
             "--strength",
@@ -123,7 +123,7 @@ def light_options(function: Decorator) -> Decorator:
 @click.option(
     "--force",
     is_flag=True,
-    help="Add noise to what looks like labels too, and replace files that visaug did not write.",
+    help="Add noise to what looks like labels too, and replace files that visaug did not write or that were changed since.",
 )
 @click.option(
     "--fixed-pattern",
@@ -214,7 +214,9 @@ def _say(done: "Augmented", output: Path) -> None:
     line += f" ({done.replaced} replaced)" if done.replaced else ""
     click.echo(line + (f", {done.kept} existed already" if done.kept else ""))
     if done.carried:
-        click.echo(f"copied {_number(done.carried, 'other file')} as they are")
+        click.echo(
+            f"copied {_number(done.carried, 'other file')} as {'it is' if done.carried == 1 else 'they are'}"
+        )
     if done.like_labels:
         reasons = ", ".join(f"{why}: {count}" for why, count in sorted(done.like_labels.items()))
         click.echo(
@@ -232,6 +234,10 @@ def _say(done: "Augmented", output: Path) -> None:
     if done.skipped:
         parts = [f"{count} {suffix}" for suffix, count in sorted(done.skipped.items())]
         click.echo(f"skipped {_number(sum(done.skipped.values()), 'file')}: {', '.join(parts)}")
+    if done.outputs:
+        click.echo(f"skipped copies of visaug augment in {', '.join(map(str, done.outputs))}")
+    if done.again:
+        click.echo(f"noise was added to copies of visaug augment: {', '.join(map(str, done.again))}")
     if done.excluded:
         click.echo(f"left out {_number(done.excluded, 'picture')} by --include and --exclude")
     if done.unlabelled:
