@@ -144,7 +144,7 @@ def after_comparison(content: Mapping[str, Any], inputs: Inputs) -> NextStep:
 
 def after_diagnosis(content: Mapping[str, Any], inputs: Inputs) -> NextStep:
     """After `visaug diagnose`."""
-    if content["fits"]["adequate_before"] and not content["camera_file"]:
+    if content["fits"]["adequate_before"] and not content.get("camera_file"):
         return NextStep(f"Next: train with this camera. {PICTURES}", inputs.augmenting(inputs.camera))
     if content["unexplained"] and not content["accepted"]:
         again = inputs.measuring("diagnose", None, "--effects", "my_effect.py")
