@@ -7,6 +7,7 @@ from typing import Any
 import torch
 
 from visaug.core.errors import InputError
+from visaug.core.wording import counted
 from visaug_train.config import Config
 
 Say = Callable[[str], None]
@@ -80,9 +81,8 @@ def cost(config: Config, images: int, arms: Sequence[str] | None = None) -> str:
     seconds = seconds_per_image(config, device)
     hours = total * seconds / 3600
     said = f"{hours:.1f} hours" if hours >= 1 else f"{60 * hours:.0f} minutes"
-    runs = len(names) * seeds
     return (
-        f"cost: {runs} run{'' if runs == 1 else 's'}, {total:,} images: about {said} on {device} at "
+        f"cost: {counted(len(names) * seeds, 'run')}, {total:,} images: about {said} on {device} at "
         f"{1000 * seconds:.1f} ms each, by a trial of the network alone; reading, noise and evaluation come "
         "on top, and what is finished is not trained again"
     )

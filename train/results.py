@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from visaug.core.files import write_json, write_text
+from visaug.core.wording import counted
 from visaug_train import tables
 from visaug_train.config import Config
 from visaug_train.evaluate import Evaluation
@@ -149,7 +150,7 @@ class Ablation:
         several = [
             f"{key} "
             + ", ".join(
-                f"{value} ({len(runs)} run{'' if len(runs) == 1 else 's'}, such as {runs[0]})"
+                f"{value} ({counted(len(runs), 'run')}, such as {runs[0]})"
                 for value, runs in by_value.items()
             )
             for key, by_value in found.items()

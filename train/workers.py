@@ -14,6 +14,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from visaug.core.progress import Progress
+from visaug.core.wording import counted
 from visaug_train.scoring import run_and_score
 from visaug_train.training import Study, run_folder, train_run
 
@@ -67,7 +68,7 @@ class Workers:
         for run, title, done, total in iter(self._heard.get, None):
             if run is not None:
                 steps[run] = done
-                title = f"training, {self.runs} run{'' if self.runs == 1 else 's'}"
+                title = f"training, {counted(self.runs, 'run')}"
                 done, total = sum(steps.values()), self.runs * total
             if self.progress:
                 self.progress(title, done, total)

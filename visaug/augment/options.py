@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from visaug.camera.loops import ends
+from visaug.camera.spec import MOST_PIXELS
 from visaug.core.errors import InputError
 from visaug.effects.parameter import Parameter, bounds_text
 
@@ -24,7 +25,6 @@ LEAST, MOST = -0.5, 1.5
 
 # of the saturation exposure: a pixel of the largest full wells (1e6 e-) then holds one electron
 LEAST_EXPOSURE = 1e-6
-MOST_PIXELS = 65535  # of a sensor's rows, and columns; see `visaug.camera.spec`
 # An image that goes below the first, with more than this share of its values below 0, has had its mean subtracted:
 # resampling and a subtracted black level go less far, or in fewer pixels.
 NORMALIZED, NORMALIZED_SHARE = -0.05, 0.25

@@ -15,6 +15,8 @@ from visaug.effects import Parameter, catalogue
 from visaug.effects.parameter import bounds_text, check_value
 from visaug.effects.readout.read_noise import LEAST_SHAPE
 
+MOST_PIXELS = 65535  # of a sensor's rows, and of its columns
+
 
 class _Part(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, validate_assignment=False)
@@ -151,8 +153,8 @@ class CameraSpec(_Part):
     @field_validator("resolution")
     @classmethod
     def _positive(cls, value: tuple[int, int]) -> tuple[int, int]:
-        if min(value) < 1 or max(value) > 65535:
-            raise ValueError("rows and columns are each from 1 to 65535")
+        if min(value) < 1 or max(value) > MOST_PIXELS:
+            raise ValueError(f"rows and columns are each from 1 to {MOST_PIXELS}")
         return value
 
     @property

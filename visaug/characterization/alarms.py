@@ -15,7 +15,7 @@ _known: WeakKeyDictionary[FrameSet, Findings | None] = WeakKeyDictionary()
 
 
 def found_by_checks(frames: FrameSet) -> Findings | None:
-    """What the checks find in the frames, once for a set; None without bias, dark or flat frames."""
+    """What the checks find and measure in the frames, once for a set; None without bias, dark or flat frames."""
     if frames not in _known:
         try:
             _known[frames] = checked(frames) if _MEASURED & {r.kind for r in frames.records} else None

@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from visaug.characterization.facts import Facts
 from visaug.characterization.views import cropped, repaired, replaced
+from visaug.core.wording import counted
 from visaug.frames import FrameSet, Group
 from visaug.statistics.findings import Findings
 
@@ -105,7 +106,7 @@ def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) 
         levels.append(GroupSummary(group.kind, group.indices, middle, noise, codes if whole else None))
         if ends_here is not None and len(group.indices) > 1:
             for end, there in zip(ends_here, (top, bottom)):
-                # of more pixels the end is one that sound ones reach: a colour's at the converter's top
+                # sound pixels reach an end that more share: those of one colour are at the converter's top
                 if abs(end - middle) > _APART * noise and there.mean() <= _MOST:
                     ends |= there
     bits = [a & b for a, b in zip(ones, zeros)] if whole else [None, None]
@@ -152,11 +153,11 @@ def lit_window(frames: FrameSet, seen: Extremes, found: Findings) -> tuple[int, 
 
 def _line_levels(frames: FrameSet, indices: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     """Means over frames of the medians of rows, (H,), and of columns, (W,)."""
-
-    def levels(axis: int) -> np.ndarray:
-        return np.array([np.median(frames.read(i), axis) for i in indices], np.float64).mean(0)
-
-    return levels(1), levels(0)
+    rows, columns = [], []
+    for frame in map(frames.read, indices):
+        rows.append(np.median(frame, 1))
+        columns.append(np.median(frame, 0))
+    return np.array(rows, np.float64).mean(0), np.array(columns, np.float64).mean(0)
 
 
 def _covered(response: np.ndarray) -> int:
@@ -206,8 +207,7 @@ def stuck_pixels(seen: Extremes, found: Findings) -> np.ndarray | None:
     single[rows], single[:, columns] = False, False
     places = [f"({r}, {c})" for r, c in np.argwhere(single)]
     parts = [
-        f"{len(what)} {name}{'s' if len(what) > 1 else ''} "
-        f"({', '.join(map(str, what[:5]))}{', ...' if len(what) > 5 else ''})"
+        f"{counted(len(what), name)} ({', '.join(map(str, what[:5]))}{', ...' if len(what) > 5 else ''})"
         for name, what in (("row", rows), ("column", columns), ("pixel", places))
         if len(what)
     ]

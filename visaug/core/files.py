@@ -45,9 +45,9 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     is_special = path.exists() and not path.is_file()
     path = path if is_special else Path(os.path.realpath(path))
     check_place(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    remove_leftovers(path.parent)
     folder = Path(tempfile.gettempdir()) if is_special else path.parent
+    folder.mkdir(parents=True, exist_ok=True)
+    remove_leftovers(folder)
     handle, name = tempfile.mkstemp(prefix=_prefix(), suffix=path.suffix, dir=folder)
     os.close(handle)
     temporary = Path(name)

@@ -39,6 +39,16 @@ def first_of(items: Iterable[object], most: int, between: str = ", ") -> str:
     return between.join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
 
 
+def counted(count: int, noun: str) -> str:
+    """A number and a noun, which gets an s unless the number is 1.
+
+    Examples:
+        >>> counted(1, "run"), counted(3, "run")
+        ('1 run', '3 runs')
+    """
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def number(value: float | None) -> str:
     """Four significant digits; a dash where the value is not known."""
     return "–" if value is None else f"{value:.4g}"

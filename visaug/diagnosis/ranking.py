@@ -88,10 +88,12 @@ def _with_those(effect: str, after: State, otherwise: Judged | None) -> dict[str
 
 def refitted(ranked: Ranks, earlier: Sequence[Judged], end: State) -> Ranks:
     """With the parameters of effects that were accepted earlier as they are in the last camera, beside the later ones."""
-    still = {one.refined.effect: one for one in earlier if one.refined.effect in end.accepted}
-    fitted = {name: _with_those(name, end, one.otherwise) for name, one in still.items()}
-    own = {name: replace(ranked[name], parameters=numbers) for name, numbers in fitted.items()}
-    return {**ranked, **own}
+    found = dict(ranked)
+    for one in earlier:
+        name = one.refined.effect
+        if name in end.accepted:
+            found[name] = replace(found[name], parameters=_with_those(name, end, one.otherwise))
+    return found
 
 
 def without_rival(ranked: Ranks, effect: str, probability: float) -> Ranks:

@@ -235,11 +235,9 @@ def _measurement(look: FrameGroup, coloured: bool) -> Measurement:
         error = 1.96 * math.sqrt((2 + max(excess, 0)) / 4 / look.frames.size)
         value = look.noise_dn
         noise = {"value": value, "low": value * (1 - error), "high": value * (1 + error)}
-        size = pixel_pattern(look)
-        is_told = not (coloured and _is_of_colours(look, "pixel_pattern"))
-        pattern = (
-            {"value": size["amplitude_dn"], "low": size["low"], "high": size["high"]} if is_told else None
-        )
+        if not (coloured and _is_of_colours(look, "pixel_pattern")):
+            size = pixel_pattern(look)
+            pattern = {"value": size["amplitude_dn"], "low": size["low"], "high": size["high"]}
     level = float(look.data.level)
     return Measurement(look.kind, look.count + look.copies, level, noise, pattern, law, excess)
 

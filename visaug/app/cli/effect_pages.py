@@ -10,6 +10,7 @@ from visaug.app.cli.tables import print_table
 from visaug.core.errors import InputError
 from visaug.core.files import write_text
 from visaug.core.nearest import did_you_mean
+from visaug.core.wording import counted
 from visaug.effects.catalogue import catalogue, load_file
 from visaug.effects.effect import Effect, Parameter, Stage
 
@@ -131,7 +132,9 @@ def check_file(file: Path) -> None:
         print_table([effect.name, "result"], rows)
     if faults:
         raise InputError(
-            f"{faults} of the laws broken, see the table", file=file, expected="effects that keep them all"
+            f"breaks {counted(faults, 'law')}, see the table",
+            file=file,
+            expected="effects that keep them all",
         )
 
 

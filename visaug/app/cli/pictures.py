@@ -17,6 +17,7 @@ from visaug.app.cli.options import (
 )
 from visaug.core.errors import PartlyFailed
 from visaug.core.progress import progress_bars
+from visaug.core.wording import counted
 from visaug.report.preview import WORDS, write_preview
 
 if TYPE_CHECKING:
@@ -162,7 +163,7 @@ def augment(
     if done.coloured and mono:
         click.echo(f"monochrome, the same noise in the three channels of colour pictures: {', '.join(mono)}")
     if done.failed:
-        head = f"{_number(len(done.failed), 'picture')} could not be used:"
+        head = f"{counted(len(done.failed), 'picture')} could not be used:"
         raise PartlyFailed("\n  ".join([head, *done.failed]))
 
 
@@ -210,17 +211,17 @@ def example(folder: Path, seed: int) -> None:
 
 def _say(done: "Augmented", output: Path) -> None:
     """What was done, what was assumed, what was left out."""
-    line = f"wrote {_number(done.written, 'picture')} to {output}"
+    line = f"wrote {counted(done.written, 'picture')} to {output}"
     line += f" ({done.replaced} replaced)" if done.replaced else ""
     click.echo(line + (f", {done.kept} existed already" if done.kept else ""))
     if done.carried:
         click.echo(
-            f"copied {_number(done.carried, 'other file')} as {'it is' if done.carried == 1 else 'they are'}"
+            f"copied {counted(done.carried, 'other file')} as {'it is' if done.carried == 1 else 'they are'}"
         )
     if done.like_labels:
         reasons = ", ".join(f"{why}: {count}" for why, count in sorted(done.like_labels.items()))
         click.echo(
-            f"warning: {_number(sum(done.like_labels.values()), 'file')} of these got no noise, for looking like labels "
+            f"warning: {counted(sum(done.like_labels.values()), 'file')} of these got no noise, for looking like labels "
             f"({reasons}); --exclude PATTERN leaves such files out, --force adds noise"
         )
     if done.assumed:
@@ -228,24 +229,20 @@ def _say(done: "Augmented", output: Path) -> None:
         click.echo(f"transfer function: {', '.join(parts)}")
     if done.clipped:
         click.echo(
-            f"{_number(done.clipped, 'picture')} with values outside [0, 1], which are clipped: 1 is white; "
+            f"{counted(done.clipped, 'picture')} with values outside [0, 1], which are clipped: 1 is white; "
             "divide a high-dynamic-range render by the value that shall be white first"
         )
     if done.skipped:
         parts = [f"{count} {suffix}" for suffix, count in sorted(done.skipped.items())]
-        click.echo(f"skipped {_number(sum(done.skipped.values()), 'file')}: {', '.join(parts)}")
+        click.echo(f"skipped {counted(sum(done.skipped.values()), 'file')}: {', '.join(parts)}")
     if done.outputs:
         click.echo(f"skipped copies of visaug augment in {', '.join(map(str, done.outputs))}")
     if done.again:
         click.echo(f"noise was added to copies of visaug augment: {', '.join(map(str, done.again))}")
     if done.excluded:
-        click.echo(f"left out {_number(done.excluded, 'picture')} by --include and --exclude")
+        click.echo(f"left out {counted(done.excluded, 'picture')} by --include and --exclude")
     if done.unlabelled:
-        click.echo(f"{_number(done.unlabelled, 'picture')} without labels")
-
-
-def _number(count: int, what: str) -> str:
-    return f"{count} {what}" + ("" if count == 1 else "s")
+        click.echo(f"{counted(done.unlabelled, 'picture')} without labels")
 
 
 COMMANDS: list[click.Command] = [augment, preview, example]
