@@ -171,6 +171,16 @@ def test_adapters_can_be_pickled():
         assert type(pickle.loads(pickle.dumps(noise))).__name__ == type(noise).__name__
 
 
+def test_images_without_pixels_are_refused_and_batches_of_none_returned():
+    for shape in ((3, 0, 8), (0, 8)):
+        with pytest.raises(InputError, match="no pixels"):
+            TorchvisionNoise(CAMERA)(tv_tensors.Image(torch.rand(*shape)))
+    for kind in (np.uint8, np.uint16, np.float32):
+        with pytest.raises(InputError, match="no pixels"):
+            ImageNoise(CAMERA, bits=12 if kind is np.uint16 else None)(np.zeros((0, 8), kind))
+    assert TorchvisionNoise(CAMERA)(tv_tensors.Video(torch.rand(0, 3, 8, 8))).shape == (0, 3, 8, 8)
+
+
 @pytest.mark.parametrize("channels", [pytest.param(1, marks=pytest.mark.slow), 3])
 def test_base_chain_compiles_into_one_graph(channels):
     noise = VISNoise(CAMERA)

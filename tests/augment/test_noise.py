@@ -18,6 +18,7 @@ from visaug.augment import (
     linear_to_srgb,
     srgb_to_linear,
 )
+from visaug.camera import shipped
 from visaug.core.sampling import Stream, derive_key
 
 CONTENT = {
@@ -424,3 +425,51 @@ def test_an_optimiser_recovers_the_read_noise():
         optimiser.step()
     # The variance also holds 25 e-^2 of shot noise: 5 standard errors of it are 1.2 e-^2, hence 0.25 e- of sigma
     assert sigma.item() == pytest.approx(2.37, abs=0.6)
+
+
+@pytest.mark.parametrize("name", sorted(shipped()))
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"black_level": "keep", "mono": True}, {"full_scale_photons": 20000.0}],
+    ids=lambda o: next(iter(o), "plain"),
+)
+def test_gains_have_finite_derivatives_with_and_without_a_full_well(name, options):
+    camera = Camera.load(name)
+    values = {
+        path: torch.nn.Parameter(torch.tensor(float(camera.values()[path])))
+        for path in ("gain_e_per_dn", "gain_db")
+    }
+    SensorNoise(camera, values=values, seed=2, **options)(torch.full((1, 1, 8, 8), 0.5)).mean().backward()
+    for value in values.values():
+        assert torch.isfinite(value.grad)
+
+
+def test_the_derivative_by_the_gain_is_that_of_a_difference():
+    """Of the brightness at a fixed number of photons, with and without a full well behind the converter's end."""
+    for well in ({}, {"full_well_e": 1e5}):
+        one = camera(**well)
+        draws = SensorNoise(one, seed=3).draw(1)
+
+        def mean(gain, one=one, draws=draws):
+            noise = SensorNoise(one, values={"gain_e_per_dn": gain}, full_scale_photons=9000.0, seed=3)
+            return noise.apply_draws(torch.full((1, 1, 64, 64), 0.5), draws).mean()
+
+        gain = torch.tensor(0.19, requires_grad=True)
+        (found,) = torch.autograd.grad(mean(gain), gain)
+        step = 0.02
+        above, below = (mean(torch.tensor(0.19 + s, requires_grad=True)) for s in (step, -step))
+        assert float(found) == pytest.approx(float((above - below).detach() / (2 * step)), rel=0.05)
+
+
+@pytest.mark.parametrize("name", ["canon_5d4_iso800", "phone_at_night"])
+def test_with_one_specimen_an_image_is_the_same_in_every_batch(name):
+    """Also where the strength of its pattern is drawn for each image."""
+    noise = SensorNoise(name, fixed_pattern="camera", seed=1, exposure=(0.05, 1.0), mono=True)
+    images, draws = torch.rand(4, 1, 24, 32, generator=torch.Generator().manual_seed(3)), noise.draw(4)
+    assert len(draws["prnu.pixel"].unique()) == 4
+    together = noise.apply_draws(images, draws)
+    for k in range(4):
+        alone = noise.apply_draws(
+            images[k : k + 1], {path: value[k : k + 1] for path, value in draws.items()}
+        )
+        assert torch.equal(alone[0], together[k])

@@ -2,8 +2,8 @@
 
 A draw is a dict: `keys` (B,) int64, of the temporal noise; `pattern_keys` (B,) int64, of the fixed patterns;
 `camera` (B,) int64, which camera of the population; each randomised value by its path, (B,) float32; and `exposure`, (B,)
-float32, where the option is set. The noise
-itself is a pure function of them, so they are all that has to be kept.
+float32, where the option is set. The noise of a batch
+itself is a pure function of them, so they are all that has to be kept; see `SensorNoise.apply_draws`.
 """
 
 from collections import Counter

@@ -59,7 +59,7 @@ class Exposure:
         if may_be_fast and clips <= 1:
             own = {path: value.detach().double().cpu().numpy().reshape(-1) for path, value in changed.items()}
             self.values = at_strength(camera.arrays() | own, strength)
-        self.fused = bool(self.values) and fast.suits(camera, self.values, self.kept)
+        self.fused = bool(self.values) and fast.suits(camera, self.values)
         if self.fused:
             share = share.double().numpy()
         else:

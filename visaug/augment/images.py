@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from visaug.augment.light import light_channels
-from visaug.augment.options import MOST
+from visaug.augment.options import MOST, check_pixels
 from visaug.augment.sensor_noise import SensorNoise
 from visaug.core.errors import InputError
 
@@ -87,6 +87,7 @@ def take(
         bgr: three channels of light are blue, green and red.
         alpha: the last of 2 or 4 channels is alpha, whatever the noise's option `mono`.
     """
+    check_pixels(images.shape[1:], images.shape)
     colours = light_channels(images.shape[1], noise.mono, alpha)
     if bgr and colours == 3:
         turned = torch.cat([images[:, :3].flip(1), images[:, 3:]], 1)

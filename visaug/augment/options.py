@@ -158,9 +158,14 @@ def check_images(images: Any) -> Tensor:
         raise InputError(
             f"has shape {shape}, channels last", field="images", expected="(B, C, H, W): permute(0, 3, 1, 2)"
         )
-    if 0 in shape[1:]:
-        raise InputError(f"has shape {shape}, no pixels", field="images", expected="(B, C, H, W)")
+    check_pixels(shape[1:], shape)
     return images
+
+
+def check_pixels(sizes: Sequence[int], shape: Sequence[int]) -> None:
+    """Raises InputError where one of the sizes of an image, or of a batch of this shape, is 0."""
+    if 0 in sizes:
+        raise InputError(f"has shape {tuple(shape)}, no pixels", field="images", expected="one pixel or more")
 
 
 def check_number_of_draws(draws: Mapping[str, Tensor], images: Tensor) -> None:

@@ -232,6 +232,10 @@ class SensorNoise(nn.Module):
     def apply_draws(self, images: Tensor, draws: Mapping[str, Tensor], transfer: str | None = None) -> Tensor:
         """Applies the noise given by `draws`: the same draws and images give the same noise.
 
+        The random numbers are others, of the same law, where gradients are wanted, which pass only effect by effect, and may be
+        others where an image is in another batch: with images that share a fixed pattern with one another, or whose camera has
+        more electrons than the fast implementation counts.
+
         Args:
             images: (B, C, H, W) in [0, 1]; see the class.
             draws: the result of `draw(B)`.

@@ -13,6 +13,7 @@ from torchvision.transforms import v2
 from visaug.augment.draws import nth_frame, of_frames
 from visaug.augment.image_noise import probability, used_bits
 from visaug.augment.images import like, say_what_auto_means, take, to_tensor
+from visaug.augment.options import check_pixels
 from visaug.augment.sensor_noise import SensorNoise, Source
 from visaug.core.errors import InputError
 
@@ -71,6 +72,9 @@ class TorchvisionNoise(v2.Transform):
     def transform(self, inpt: Any, params: dict[str, Any]) -> Any:
         is_pil = isinstance(inpt, PIL.Image.Image)
         images = to_tensor(inpt) if is_pil else inpt.as_subclass(Tensor)
+        check_pixels(images.shape[-3:], images.shape)
+        if images.numel() == 0:  # a batch of none, or a video without frames
+            return inpt
         planes = images[None] if images.ndim == 2 else images
         frames = planes.shape[-4] if isinstance(inpt, tv_tensors.Video) else 1
         batch = planes.reshape(-1, frames, *planes.shape[-3:])

@@ -30,18 +30,14 @@ PATTERNS = ("prnu.row", "dsnu.row_e", "prnu.column", "dsnu.column_e")
 VISIBLE_COMB = 2e-4
 
 
-def suits(camera: "Camera", values: Values, kept: bool) -> bool:
-    """Whether the fast path has this camera's law at these values, (B,) or (1,) each.
-
-    `kept`: fixed patterns are one camera's; then their pixel parts must not differ from image to image.
-    """
+def suits(camera: "Camera", values: Values) -> bool:
+    """Whether the fast path has this camera's law at these values, (B,) or (1,) each."""
     if camera.spec.reading != "physical" or camera.sensor_maps:
         return False
     if not set(camera.sensor_effects) <= set(SHIFTS):
         return False
-    if (gain_of(camera, values) * 2**camera.bit_depth > loops.kernel().MOST_E).any():
-        return False  # the exact chain is taken
-    return not kept or values["prnu.pixel"].size == values["dsnu.pixel_e"].size == 1
+    # beyond, the exact chain is taken
+    return not (gain_of(camera, values) * 2**camera.bit_depth > loops.kernel().MOST_E).any()
 
 
 def take(
@@ -69,6 +65,14 @@ def take(
     Returns:
         (B, C, H, W) of the images' type, float32 in [0, 1].
     """
+    if kept and len(images) > 1 and any(values[path].size > 1 for path in ("prnu.pixel", "dsnu.pixel_e")):
+        parts = []  # one map serves a batch: here each image has its own
+        for k in range(len(images)):
+            of_image = {path: value[k : k + 1] if value.size > 1 else value for path, value in values.items()}
+            own_scale = Scale(*(x[k : k + 1] if np.size(x) > 1 else x for x in scale))
+            one = images[k : k + 1], own_scale, of_image, keys[k : k + 1]
+            parts.append(take(camera, *one, pattern_keys, kept, origin, white))
+        return torch.cat(parts)
     channels, height, _ = images.shape[1:]
     own = drawn(camera, images.shape, scale, values, keys, pattern_keys, kept, origin)
     if images.device.type != "cpu":

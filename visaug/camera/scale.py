@@ -67,8 +67,10 @@ def white_dn(camera: Camera, values: Mapping[str, Any]) -> Any:
         return max_dn + 0 * gain
     converter = max_dn - values["black_level_dn"] + 0 * gain
     if isinstance(converter, Tensor):
-        well = torch.as_tensor(values["full_well_e"], device=converter.device) / gain
-        return torch.minimum(converter, well).clamp_min(1)
+        well_e = torch.as_tensor(values["full_well_e"], device=converter.device)
+        is_known = well_e.isfinite()  # an infinite one has no derivative by the gain
+        well = torch.where(is_known, well_e, 1.0) / gain
+        return torch.where(is_known, torch.minimum(converter, well), converter).clamp_min(1)
     return np.maximum(np.minimum(converter, values["full_well_e"] / gain), 1)
 
 

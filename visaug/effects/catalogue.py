@@ -1,14 +1,16 @@
 """The register of effects: those of the package, and those of users' files."""
 
+import copyreg
 import hashlib
 import importlib
 import importlib.util
 import pkgutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from visaug.core.errors import USER_MODULE, InputError, described
 from visaug.effects.checks import check_definition, try_effect
@@ -94,16 +96,20 @@ def load_file(path: str | Path) -> list[type[Effect]]:
     if not path.is_file() or path.suffix != ".py":
         problem = "is no Python file" if path.exists() else "no such file"
         raise InputError(problem, file=path, expected="a Python file (.py) that defines an Effect")
-    version = (path.resolve(), hashlib.blake2b(path.read_bytes(), digest_size=16).digest())
+    return _added(_defined(path, path.read_bytes()))
+
+
+def _defined(path: Path, source: bytes) -> list[type[Effect]]:
+    """The effects that a file defines; the same content is run once."""
+    version = (path.resolve(), hashlib.blake2b(source, digest_size=16).digest())
     if version in _files:
-        return _added(_files[version])
+        return _files[version]
     tag = hashlib.blake2b(str(path.resolve()).encode(), digest_size=4).hexdigest()
     spec = importlib.util.spec_from_file_location(f"{USER_MODULE}{path.stem}_{tag}", path)
     assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
+        exec(compile(source, path, "exec"), vars(module))
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # a file may raise anything, and may call sys.exit
@@ -115,8 +121,24 @@ def load_file(path: str | Path) -> list[type[Effect]]:
         raise InputError(f"{path}: defines no Effect{why}; see `visaug effects new NAME` for one that runs")
     for effect in effects.values():
         _check(effect)
+        copyreg.pickle(effect, partial(_reduced, str(path.resolve()), source))
     _files[version] = list(effects.values())
-    return _added(_files[version])
+    return _files[version]
+
+
+def _reduced(path: str, source: bytes, effect: Effect) -> tuple:
+    """An effect of a file for `pickle`: with its source, for a process or a machine that has not loaded it."""
+    return _restored, (path, source, effect.name, vars(effect))
+
+
+def _restored(path: str, source: bytes, name: str, state: dict[str, Any]) -> Effect:
+    is_new = all(name != effect.name for effects in _files.values() for effect in effects)
+    effects = _defined(Path(path), source)
+    if is_new:
+        _added(effects)
+    made = object.__new__(next(effect for effect in effects if effect.name == name))
+    vars(made).update(state)
+    return made
 
 
 def _added(effects: list[type[Effect]]) -> list[type[Effect]]:

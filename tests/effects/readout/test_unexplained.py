@@ -156,8 +156,8 @@ def test_images_get_the_measured_row_noise(tmp_path: Path):
 def test_the_fast_path_leaves_it_to_the_exact_chain(tmp_path: Path):
     camera = camera_with(tmp_path, row_power_e2=power_of(ROWS))
     plain = camera.without_effect("unexplained")
-    assert fast.suits(plain, plain.arrays(), False)
-    assert not fast.suits(camera, camera.arrays(), False)
+    assert fast.suits(plain, plain.arrays())
+    assert not fast.suits(camera, camera.arrays())
     images = torch.rand(2, 1, ROWS, COLUMNS, generator=torch.Generator().manual_seed(1))
     one, other = (SensorNoise(camera, seed=3, fast=fast_too) for fast_too in (True, False))
     draws = one.draw(2)
