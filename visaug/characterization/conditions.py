@@ -39,7 +39,7 @@ def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[
     facts = look(frames)
     lossy.check(frames, facts, found)
     frames, facts = _aligned(frames, facts, found, told_bits)
-    frames, facts = _without_copies(frames, facts)
+    frames, facts = _without_copies(frames, facts, found)
     frames, facts = _without_masters(frames, facts, found)
     frames = _without_one_light(frames, facts, found)
     _bit_depth(frames, facts, found, told_bits)
@@ -98,10 +98,11 @@ def _without_one_light(frames: FrameSet, facts: Sequence[Facts], found: Findings
         f"photons_contradicted: all flats state {flats[0][0]:g} photons per pixel, and their signals differ by a factor of "
         f"{signals.max() / signals.min():.3g}: the photons are not used"
     )
+    found.has_one_light = False
     return frames.with_records([replace(r, photons=None) for r in frames.records])
 
 
-def _without_copies(frames: FrameSet, facts: list[Facts]) -> tuple[FrameSet, list[Facts]]:
+def _without_copies(frames: FrameSet, facts: list[Facts], found: Findings) -> tuple[FrameSet, list[Facts]]:
     """Each frame once: a copy beside its original has no noise of its own (`FrameSet.check` names it).
 
     Equal sums over the four places of a 2 x 2, equal extremes and equal noise are a copy; a camera whose frames are mostly alike
@@ -116,6 +117,7 @@ def _without_copies(frames: FrameSet, facts: list[Facts]) -> tuple[FrameSet, lis
         seen.add(key)
     if len(kept) == len(frames) or 2 * len(kept) < len(frames):
         return frames, facts
+    found.copies = frozenset(r.sequence for i, r in enumerate(frames.records) if i not in set(kept))
     return frames.subset(kept), [facts[i] for i in kept]
 
 

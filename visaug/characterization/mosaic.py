@@ -10,6 +10,8 @@ import numpy as np
 from visaug.characterization.facts import PLACES, Facts
 from visaug.frames import FrameSet
 
+PLAIN = 0.02  # of the signal: neighbours on a diagonal of a monochrome sensor differ by less
+
 
 @dataclass(frozen=True)
 class Mosaic:
@@ -73,8 +75,7 @@ def find_mosaic(frames: FrameSet, facts: Sequence[Facts]) -> Mosaic | None:
             "other two are alike; the greens are those that the flats show, red and blue are not told apart"
         )
         pattern = None
-    plain = 0.02  # of the signal: neighbours on a diagonal of a monochrome sensor differ by less
-    if pattern is None and contradicted is None and crossed < plain:
+    if pattern is None and contradicted is None and crossed < PLAIN:
         return None
     a, b, c, d = map(float, response)
     return Mosaic((a, b, c, d), pattern, contradicted)

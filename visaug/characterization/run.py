@@ -11,13 +11,14 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.characterization import additivity, codes, dark, evenness, light, model_checks, still
+from visaug.characterization.alike import merged_groups
 from visaug.characterization.camera_content import CAMERA_KEYS
 from visaug.characterization.conditions import prepared
 from visaug.characterization.emva import emva
 from visaug.characterization.facts import PLACES
 from visaug.characterization.groups import Measured, measure_groups
 from visaug.characterization.maps import add_maps
-from visaug.characterization.mosaic import Mosaic, find_mosaic
+from visaug.characterization.mosaic import PLAIN, Mosaic, find_mosaic
 from visaug.characterization.nonuniformity import Parts
 from visaug.characterization.photon_transfer import PhotonTransferResult
 from visaug.characterization.possible import without_impossible
@@ -120,8 +121,17 @@ def checked(frames: FrameSet) -> Findings:
     found = Findings()
     ready, facts = prepared(frames, found, frames.told_bits)
     ready, facts = model_checks.screened(ready, facts, found)
+    found.lights = {
+        ready.records[i].sequence: number
+        for number, group in enumerate(merged_groups(ready, facts))
+        if group.kind == "flat"
+        for i in group.indices
+    }
+    mosaic = find_mosaic(ready, facts)
+    if mosaic is not None and np.ptp(mosaic.response) > PLAIN and any(r.bayer for r in frames.records):
+        found.coloured = frozenset(r.sequence for r in frames.records if r.kind in ("flat", "scene"))
     measured = model_checks.tested(measure_groups(ready, facts, found.step_dn), found)
-    _measure(found, measured, None, 0, find_mosaic(ready, facts))
+    _measure(found, measured, None, 0, mosaic)
     return found
 
 

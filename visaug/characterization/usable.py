@@ -15,9 +15,11 @@ from visaug.statistics.findings import Findings
 
 
 def usable(frames: FrameSet, resolution: Sequence[int]) -> FrameSet:
-    """The frames without overscan, constant rows and columns, and flats of a lamp whose bands roll over the rows.
+    """The frames without overscan, constant rows and columns, flats of a lamp whose bands roll over the rows, copies of other
+    frames, and flats and scenes behind colour filters that the set states. Photons are left out where the levels of the flats
+    contradict them.
 
-    No parameter of a camera describes them, and effects of the catalogue would be named in their place. Single stuck pixels
+    No parameter of a camera describes these, and effects of the catalogue would be named in their place. Single stuck pixels
     stay: they are the effect `dead_pixels`. The warnings of the checks go with the frames, and say what was left out.
 
     Args:
@@ -47,7 +49,10 @@ def _explained(frames: FrameSet, resolution: Sequence[int]) -> FrameSet:
     sizes = {(frames.shape(i), r.window) for i, r in enumerate(frames.records)}
     if len(sizes) == 1:
         made = _without_lines(_lit(made, found, tuple(resolution)), found)
-    kept = [i for i, r in enumerate(made.records) if r.sequence not in found.banded]
+    if not found.has_one_light:
+        made = made.with_records([replace(r, photons=None) for r in made.records])
+    out = found.banded | found.copies | found.coloured
+    kept = [i for i, r in enumerate(made.records) if r.sequence not in out]
     if 0 < len(kept) < len(made):
         made = made.subset(kept)
     if made is frames:

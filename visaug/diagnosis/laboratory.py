@@ -1,6 +1,6 @@
 """The measured frames and a model's, through the same fingerprint."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Literal
@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.characterization.alarms import all_warnings
+from visaug.characterization.alarms import all_warnings, found_by_checks
 from visaug.diagnosis import store
 from visaug.diagnosis.names import Names
 from visaug.diagnosis.part import MeasuredFrames, parts_of
@@ -65,9 +65,11 @@ class Laboratory:
             return
         self._given = frames
         frames = frames.assuming_bits(camera.bit_depth)
-        self.selection = select(frames)
         self.calibrated = all(r.photons is not None for r in frames.records if r.kind == "flat")
-        lit = _with_photons(frames, camera, self.selection.frames)
+        checks = None if self.calibrated else found_by_checks(self._given)
+        lights = {} if checks is None else checks.lights
+        self.selection = select(_with_photons(frames, camera, (), lights))
+        lit = _with_photons(frames, camera, self.selection.frames, lights)
         self.parts: tuple[MeasuredFrames | PicturePart, ...] = parts_of(lit, self.selection, folds, report)
         self.frames, self.folds = self.parts[0].frames, self.parts[0].folds
         self.sequences = tuple(record.sequence for record in self.frames.records)
@@ -196,10 +198,15 @@ def _places(statistics: Sequence[Statistic]) -> dict[tuple[str, str, str], int]:
     return {(s.view, s.name, s.frames): i for i, s in enumerate(statistics)}
 
 
-def _with_photons(frames: FrameSet, camera: Camera, used: Sequence[int]) -> FrameSet:
+def _with_photons(
+    frames: FrameSet, camera: Camera, used: Sequence[int], lights: Mapping[int, int]
+) -> FrameSet:
     """The set with the photons of uncalibrated flats taken from their level and the camera's gain and efficiency.
 
     The level is that of the frames in use; of conditions that are not used, that of one frame.
+
+    Args:
+        lights: number of the light of each flat, by sequence number, where a lamp was changed at one setting.
     """
     blank = [i for i, r in enumerate(frames.records) if r.kind == "flat" and r.photons is None]
     if not blank:
@@ -208,9 +215,13 @@ def _with_photons(frames: FrameSet, camera: Camera, used: Sequence[int]) -> Fram
     levels: dict[int, float] = {}
     for group in frames.groups():
         if group.kind == "flat" and group.photons is None:
-            read = [i for i in group.indices if i in allowed] or group.indices[:1]
-            level = float(np.mean([frames.read(i).mean(dtype=np.float64) for i in read]))
-            electrons = max(level - camera.spec.black_level_dn, 0.0) * camera.gain_at(group.gain_db)
-            levels |= dict.fromkeys(group.indices, electrons / camera.spec.quantum_efficiency)
+            alike: dict[int | None, list[int]] = {}
+            for i in group.indices:
+                alike.setdefault(lights.get(frames.records[i].sequence), []).append(i)
+            for same in alike.values():
+                read = [i for i in same if i in allowed] or same[:1]
+                level = float(np.mean([frames.read(i).mean(dtype=np.float64) for i in read]))
+                electrons = max(level - camera.spec.black_level_dn, 0.0) * camera.gain_at(group.gain_db)
+                levels |= dict.fromkeys(same, electrons / camera.spec.quantum_efficiency)
     records = [replace(r, photons=levels[i]) if i in levels else r for i, r in enumerate(frames.records)]
     return frames.with_records(records)

@@ -128,7 +128,9 @@ def guess_layout(path: Path, shape: tuple[int, int] | None) -> str:
 
 
 def unused_low_bits(pixels: np.ndarray) -> int:
-    """How many low bits are 0 in every pixel (16 where all pixels are 0)."""
+    """How many low bits are 0 in every pixel (16 where all pixels are 0); 0 of pixels that are no whole numbers by their type."""
+    if pixels.dtype.kind not in "ui":
+        return 0
     used = int(np.bitwise_or.reduce(pixels, axis=None))
     return 16 if used == 0 else (used & -used).bit_length() - 1
 

@@ -263,7 +263,7 @@ class FileStore:
             unused_low_bits(self._stored(i))
             for i in (*brightest[-_PROBED // 2 :], *brightest[: _PROBED // 2])
         )
-        largest = max(int(self._stored(i).max()) for i in brightest[-_PROBED // 2 :])
+        largest = max(float(self._stored(i).max()) for i in brightest[-_PROBED // 2 :])
         if self._bit_depth is not None:
             shift = 16 - self._bit_depth
             if self._bits_at == "top" or (low >= shift and largest > (1 << self._bit_depth) - 1):

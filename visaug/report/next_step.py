@@ -146,7 +146,9 @@ def after_diagnosis(content: Mapping[str, Any], inputs: Inputs) -> NextStep:
     """After `visaug diagnose`."""
     if content["fits"]["adequate_before"] and not content.get("camera_file"):
         return NextStep(f"Next: train with this camera. {PICTURES}", inputs.augmenting(inputs.camera))
-    if content["unexplained"] and not content["accepted"]:
+    interval = content["error"]["interval_after"]
+    is_farther = interval is not None and interval[0] > 1  # from the frames than the file as it was given
+    if (content["unexplained"] and not content["accepted"]) or is_farther:
         again = inputs.measuring("diagnose", None, "--effects", "my_effect.py")
         return NextStep(
             "Next: model the difference in a file of your own, and diagnose again with it.",

@@ -73,6 +73,12 @@ class Findings:
     smoothed: bool = False  # whether all noise correlates alike: one filter over everything
     lit: tuple[int, int, int, int] | None = None  # rows and columns that see light, where others see none
     banded: frozenset[int] = frozenset()  # sequence numbers of flats in which bands of a lamp roll
+    copies: frozenset[int] = frozenset()  # sequence numbers of frames that are others to the last bit
+    coloured: frozenset[int] = frozenset()  # of flats and scenes behind colour filters that the set states
+    lights: dict[int, int] = field(
+        default_factory=dict
+    )  # number of the light of each flat, by sequence number
+    has_one_light: bool = True  # False where all flats state the same photons and their levels differ
     step_dn: float = 1.0  # distance of neighbouring codes
 
     def add(

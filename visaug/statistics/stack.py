@@ -45,7 +45,7 @@ class Stack:
     def codes(self) -> np.ndarray:
         """How many pixels have each DN code, (largest code + 1,)."""
         if self.frames.dtype != np.uint16:
-            return np.bincount(self.frames.ravel().astype(np.intp))
+            return np.bincount(np.rint(self.frames).astype(np.intp).ravel())
         counts = np.zeros((2, int(self.frames.max(initial=0)) + 1), np.int64)
         kernels.count_codes(self.frames, counts)
         return counts.sum(0)
