@@ -29,8 +29,9 @@ SETS = {  # frames and pixels of each: count, rows, columns
     "250 of 1024 x 1280": (250, 1024, 1280),
 }
 ADEQUATE = "adequate camera, {}"  # the same set, without the stripes
+TWO = "two effects, 150 of 200 x 256"  # with a column noise beside the stripes
 PICTURES = "24 pictures"  # of 192 x 256, 8 bit, whose rows shift
-CASES = (*SETS, *(ADEQUATE.format(name) for name in list(SETS)[:2]), PICTURES)
+CASES = (*SETS, TWO, *(ADEQUATE.format(name) for name in list(SETS)[:2]), PICTURES)
 ROUNDS = 5
 
 
@@ -90,8 +91,9 @@ def write_case(folder: Path, case: str) -> int:
     """Frames and camera of a case, on disk; how many pixels they are."""
     if case == PICTURES:
         return write_pictures(folder)
-    of_set = next(name for name in SETS if case in (name, ADEQUATE.format(name)))
-    write(folder, *SETS[of_set], stripes=case == of_set)
+    of_set = next(name for name in SETS if case.endswith(name))
+    hidden = {of_set: {"row_noise": 3.0}, TWO: {"row_noise": 3.0, "column_noise": 2.0}}
+    write(folder, *SETS[of_set], hidden.get(case, {}))
     return int(np.prod(SETS[of_set]))
 
 
@@ -114,8 +116,8 @@ def write_pictures(folder: Path) -> int:
     return sum(picture.size for picture in taken)
 
 
-def write(folder: Path, count: int, rows: int, columns: int, stripes: bool = True) -> None:
-    """A set on disk by the cameras of `benchmark/`, with or without stripes that shift from row to row."""
+def write(folder: Path, count: int, rows: int, columns: int, strengths: dict[str, float]) -> None:
+    """A set on disk by the cameras of `benchmark/`, with effects of these strengths hidden in it."""
     from dataclasses import replace
 
     from benchmark import cameras, effects
@@ -127,7 +129,7 @@ def write(folder: Path, count: int, rows: int, columns: int, stripes: bool = Tru
     settings += [("flat", 0.01, light) for light in (300.0, 1000.0, 3000.0, 5000.0, 8000.0)]
     shots = [settings[i * len(settings) // count] for i in range(count)]
     plan = [Shot(kind, seconds, sensor.celsius, photons=photons) for kind, seconds, photons in shots]
-    hidden = [effects.BY_NAME["row_noise"].at(3.0, "")] if stripes else []
+    hidden = [effects.BY_NAME[name].at(strength, "") for name, strength in strengths.items()]
     write_frames(folder, take(sensor, plan, {}, 1, effects.in_order(hidden)), plan, {}, sensor)
 
 

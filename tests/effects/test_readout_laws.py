@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from visaug.core.sampling import Stream
 from visaug.effects.readout.coloured import coloured
 
 BLACK_DN, TOP_DN, E_PER_DN, FULL_WELL_E = 240.0, 65535.0, 0.2, 11000.0  # of the bench `run_effect`
@@ -114,6 +115,63 @@ def test_flicker_noise_falls_as_the_power_of_the_frequency(run_effect, exponent)
     k = np.arange(4, 1004)
     slope = np.polyfit(np.log(k), np.log(power[k]), 1)[0]
     assert slope == pytest.approx(-exponent, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("exponent", "clamp", "direction"),
+    [
+        (1.0, "none", "rows"),
+        (0.5, "frame", "rows"),
+        (1.6, "none", "columns"),
+        (1.9, "frame", "columns"),
+        (2.0, "none", "rows"),
+    ],
+)
+def test_a_window_of_a_sequence_has_the_law_of_the_whole_record(run_effect, exponent, clamp, direction):
+    """Variance, and squares of differences over so many pixels of the readout, of 600 frames, from the power of all frequencies.
+
+    Each is within 5 standard errors, as the frames tell them: a false alarm in 6e4 runs of all 30.
+    """
+    lines, across = 60, 48  # of the readout, and pixels of each
+    count = lines * across * (1 if clamp == "frame" else 2)
+    k = np.arange(1, count // 2 + 1)
+    power = k**-exponent * np.where(k < count // 2, 2.0, 0.5)
+    power /= power.sum()
+    covariance = {d: float(power @ np.cos(2 * np.pi * k * d / count)) for d in (1, 5, 48, 96, 440)}
+    window, shape = (range(20, 30), range(across)), (10, across)
+    turned = direction == "columns"
+    noise = run_effect(
+        "flicker_noise",
+        torch.zeros(600, 1, *(shape[::-1] if turned else shape)),
+        sequence=True,
+        window=window[::-1] if turned else window,
+        resolution=(across, lines) if turned else (lines, across),
+        exponent=exponent,
+        clamp=clamp,
+        direction=direction,
+    ).double()
+    along = (noise.transpose(-1, -2) if turned else noise).flatten(1).numpy()
+    found = [(along**2).mean(1) - 1]
+    for d, expected in covariance.items():
+        found.append(((along[:, d:] - along[:, :-d]) ** 2).mean(1) - 2 * (1 - expected))
+    for each in found:
+        assert abs(each.mean()) < 5 * each.std(ddof=1) / np.sqrt(len(each))
+
+
+def test_a_window_of_a_sequence_costs_no_whole_frame(monkeypatch, run_effect):
+    drawn = []
+    ordinary = Stream.normal
+    monkeypatch.setattr(
+        Stream, "normal", lambda self, vary="pixel": drawn.append(self.window) or ordinary(self, vary)
+    )
+    place = {"window": (range(4, 20), range(10, 40)), "resolution": (400, 300)}
+    frames = torch.zeros(2, 1, 16, 30)
+    in_part = run_effect("flicker_noise", frames, sequence=True, **place)
+    again = [run_effect("flicker_noise", frames[:1], keys=[key], sequence=True, **place) for key in (1, 2)]
+    assert torch.allclose(in_part, torch.cat(again), atol=1e-6)
+    assert {len(rows) for rows, _ in drawn} == {32}
+    run_effect("flicker_noise", frames, **place)  # of images each crop has its part of the frame
+    assert len(drawn[-1][0]) == 800
 
 
 @pytest.mark.parametrize("name", ["black_level_drift", "light_drift"])

@@ -1,7 +1,7 @@
 """1/f noise."""
 
 from visaug.effects.effect import Effect, Parameter, Stage
-from visaug.effects.readout.coloured import coloured
+from visaug.effects.readout.coloured import STEEPEST, coloured, part_of_coloured
 
 
 class FlickerNoise(Effect):
@@ -9,7 +9,9 @@ class FlickerNoise(Effect):
 
     Each frequency along the readout of the whole sensor gets a random amplitude and phase. The simulated record is twice as
     long as a frame, so that the end of a frame is not correlated with its beginning, and as long as one frame if a clamp
-    removes the mean of each frame. A crop of the sensor gets its part of the readout.
+    removes the mean of each frame. A crop of the sensor gets its part of the readout. A window of the frames of a sequence that
+    has at most half of the rows gets noise of the same law, whose numbers are not those of the whole frame: these would cost
+    as much as the whole frame.
     """
 
     name = "flicker_noise"
@@ -52,12 +54,19 @@ class FlickerNoise(Effect):
         rows, columns = context.resolution
         along = (rows, columns) if p.direction == "rows" else (columns, rows)
         lines = along[0] + along[0] % 2 if p.clamp == "frame" else 2 * along[0]  # an even number of pixels
-        white = stream.over(range(lines), range(along[1])).normal()
-        noise = coloured(white.flatten(2), p.exponent).unflatten(-1, (lines, along[1]))
-        if p.direction == "columns":
-            noise = noise.transpose(-1, -2)
-        r, c = context.window
-        return signal + p.sigma_e * noise[..., r.start : r.stop, c.start : c.stop]
+        read = context.window if p.direction == "rows" else context.window[::-1]
+        inside = read[0]  # lines of the window, in the order in which they are read
+        if context.sequence and 4 * len(inside) <= lines and float(p.exponent.max()) <= STEEPEST:
+            white = stream.over(range(2 * len(inside)), range(along[1])).normal()
+            noise = part_of_coloured(white.flatten(2), p.exponent, lines * along[1])
+            inside = range(len(inside))
+        else:
+            white = stream.over(range(lines), range(along[1])).normal()
+            noise = coloured(white.flatten(2), p.exponent)
+        noise = noise.unflatten(-1, (-1, along[1]))[
+            ..., inside.start : inside.stop, read[1].start : read[1].stop
+        ]
+        return signal + p.sigma_e * (noise if p.direction == "rows" else noise.transpose(-1, -2))
 
     def moments(self, mean, p, context):
         return mean, p.sigma_e**2
