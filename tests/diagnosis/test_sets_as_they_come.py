@@ -109,3 +109,19 @@ def test_a_frame_of_floats_among_words_is_read(frames, tmp_path):
     for bits in (None, frames.bit_depth):
         found = characterize(FrameSet.load(tmp_path / "set", bit_depth=bits))
         assert found["gain_e_per_dn"].value == as_words["gain_e_per_dn"].value
+
+
+def test_averaged_frames_and_other_settings_are_left_out(frames):
+    """By what the set states: a mean of four flats has half their noise, another offset another level."""
+    mean = np.mean([frames.read(i) for i in range(12, 16)], axis=0).round()
+    pixels = [frames.read(i) for i in range(len(frames))] + [mean, frames.read(0) + 40]
+    last = len(frames)
+    records = [replace(r, setting="OFFSET=10") for r in frames.records]
+    records += [
+        replace(records[12], sequence=last, combined=4),
+        replace(records[0], sequence=last + 1, setting="OFFSET=50"),
+    ]
+    mixed = FrameSet.from_arrays(records, [p.astype(np.uint16) for p in pixels], bit_depth=frames.bit_depth)
+    one, other = (compare(stated_camera(), some) for some in (frames, mixed))
+    np.testing.assert_array_equal(one.measured, other.measured)
+    assert {w.split(":")[0] for w in other.warnings} >= {"settings_mixed", "master_frame"}

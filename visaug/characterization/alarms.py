@@ -41,7 +41,7 @@ def alarms(frames: FrameSet) -> tuple[str, ...]:
 
 def _left_out(found: Findings) -> list[str]:
     """What `usable` leaves out though it is sound by itself."""
-    said = []
+    said = list(found.apart_because)
     if found.copies:
         said.append(
             f"duplicate_frames: frames {first_of(sorted(found.copies), 8)} are others to the last bit: copies, not exposures, and "

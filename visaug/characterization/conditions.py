@@ -33,9 +33,12 @@ def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[
     """
     frames = frames.subset([i for i, r in enumerate(frames.records) if r.kind in KINDS])
     frames = _in_celsius(frames, found)
+    every, said = {r.sequence for r in frames.records}, len(found.warnings)
     frames = _one_setting(frames, found)
     told = [i for i, r in enumerate(frames.records) if r.combined != 1]
     frames = _leave_out(frames, told, found, "as their headers or the column `combined` say")
+    found.apart = frozenset(every - {r.sequence for r in frames.records})
+    found.apart_because = tuple(found.warnings[said:])
     facts = look(frames)
     lossy.check(frames, facts, found)
     frames, facts = _aligned(frames, facts, found, told_bits)

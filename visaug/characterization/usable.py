@@ -16,8 +16,8 @@ from visaug.statistics.findings import Findings
 
 def usable(frames: FrameSet, resolution: Sequence[int]) -> FrameSet:
     """The frames without overscan, constant rows and columns, flats of a lamp whose bands roll over the rows, copies of other
-    frames, and flats and scenes behind colour filters that the set states. Photons are left out where the levels of the flats
-    contradict them.
+    frames, frames of other settings or averaged by what the set states, and flats and scenes behind colour filters that it
+    states. Photons are left out where the levels of the flats contradict them.
 
     No parameter of a camera describes these, and effects of the catalogue would be named in their place. Single stuck pixels
     stay: they are the effect `dead_pixels`. The warnings of the checks go with the frames, and say what was left out.
@@ -51,7 +51,7 @@ def _explained(frames: FrameSet, resolution: Sequence[int]) -> FrameSet:
         made = _without_lines(_lit(made, found, tuple(resolution)), found)
     if not found.has_one_light:
         made = made.with_records([replace(r, photons=None) for r in made.records])
-    out = found.banded | found.copies | found.coloured
+    out = found.banded | found.apart | found.copies | found.coloured
     kept = [i for i, r in enumerate(made.records) if r.sequence not in out]
     if 0 < len(kept) < len(made):
         made = made.subset(kept)

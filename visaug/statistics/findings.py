@@ -73,6 +73,10 @@ class Findings:
     smoothed: bool = False  # whether all noise correlates alike: one filter over everything
     lit: tuple[int, int, int, int] | None = None  # rows and columns that see light, where others see none
     banded: frozenset[int] = frozenset()  # sequence numbers of flats in which bands of a lamp roll
+    apart: frozenset[int] = (
+        frozenset()
+    )  # sequence numbers of frames of other settings, or averaged, by what the set states
+    apart_because: tuple[str, ...] = ()  # the warnings that say so
     copies: frozenset[int] = frozenset()  # sequence numbers of frames that are others to the last bit
     coloured: frozenset[int] = frozenset()  # of flats and scenes behind colour filters that the set states
     lights: dict[int, int] = field(
