@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from visaug.core.errors import InputError, naming
 from visaug.core.files import whole_file
+from visaug.core.wording import printable
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
@@ -70,7 +71,7 @@ def write_preview(
     kind, reason = (chosen, "as given") if chosen != "auto" else (image.transfer, image.reason)
     transfer = f"{WORDS[kind]} ({reason})"
     title = (
-        f"{picture.name}, taken as {transfer}: the middle at 1:1 and a part at 4x.\n"
+        f"{printable(picture.name)}, taken as {transfer}: the middle at 1:1 and a part at 4x.\n"
         "Noise: standard deviation in 8-bit levels (0 to 255). (chosen): so that the noise is visible"
     )
     figure = plot_preview(title, shown(image, window, bits), samples)
