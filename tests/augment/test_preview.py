@@ -73,12 +73,22 @@ def test_a_sheet_replaces_a_sheet_and_nothing_else(tmp_path):
         write_preview(tmp_path / "photo.png", [camera], tmp_path / "photo.png")
     assert (tmp_path / "photo.png").read_bytes() == kept
     write_preview(tmp_path / "sheet.png", [camera], tmp_path / "photo.png", force=True)
-    odd = tmp_path / os.fsdecode(b"caf\xe9.png")  # no text, which no title can show
+
+
+def test_a_name_that_is_not_utf8_gets_a_sheet(tmp_path):
+    from PIL import Image
+
+    from visaug.report.preview import write_preview
+
+    Image.fromarray(np.full((12, 16, 3), 90, np.uint8)).save(tmp_path / "photo.png")
+    odd = tmp_path / os.fsdecode(b"caf\xe9.png")
     try:
-        odd.write_bytes(kept)
+        (tmp_path / "photo.png").rename(odd)
     except OSError:
         pytest.skip("the file system takes UTF-8 alone")
+    camera = Camera.load({"resolution": [16, 16], "gain_e_per_dn": 0.4})
     write_preview(odd, [camera], tmp_path / "sheet.png")
+    assert (tmp_path / "sheet.png").is_file()
 
 
 @pytest.mark.parametrize(
