@@ -1,5 +1,6 @@
 """How commands end: errors of the operating system in one line with status 2, SIGTERM as Ctrl-C, nothing half-written."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -106,3 +107,12 @@ files.write_picture = lambda *a: (real(*a), time.sleep(100))
 from visaug.app.cli import main
 main(sys.argv[1:])
 """
+
+
+def test_a_name_that_the_terminal_cannot_show_is_escaped(folder):
+    """An encoding of the terminal without replacements, as most locales have it."""
+    names = ["-m", "visaug", *augment(os.fsdecode(b"caf\xe9"))]
+    env = {**os.environ, "PYTHONIOENCODING": "utf-8:strict"}
+    done = subprocess.run([sys.executable, *names], env=env, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert b"caf\\udce9" in done.stdout

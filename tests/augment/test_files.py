@@ -1,5 +1,6 @@
 """Noisy copies: names, sizes, depth and channels stay; same seed, same bytes; a broken run goes on."""
 
+import os
 import struct
 import sys
 import zlib
@@ -511,6 +512,94 @@ def test_a_damaged_picture_is_named_and_the_others_are_made(camera, tmp_path):
     assert (again.written, again.kept, len(again.failed)) == (0, 3, 1)
 
 
+def named_wrongly(path, values, form=".png"):
+    """A picture of one format under the suffix of another."""
+    path.parent.mkdir(exist_ok=True)
+    assert cv2.imwrite(str(path.with_suffix(form)), values)
+    path.with_suffix(form).rename(path)
+
+
+def test_a_picture_that_does_not_fit_its_suffix_is_named_and_the_others_are_made(camera, tmp_path):
+    root = tmp_path / "in"
+    refused = {
+        "gray16.webp": "is a PNG picture of 16 bit; expected a name ending in .png",
+        "rgb16.webp": "is a PNG picture of 16 bit",
+        "gray16.jpg": "is a PNG picture of 16 bit",
+        "rgb16.bmp": "is a TIFF picture of 16 bit; expected a name ending in .tiff",
+        "rgba.jpg": "cannot be written in the format of its suffix",
+        "wide.webp": "cannot be written in the format of its suffix",
+    }
+    named_wrongly(root / "gray16.webp", pixels(np.uint16, 1))
+    named_wrongly(root / "rgb16.webp", pixels(np.uint16, 3))
+    named_wrongly(root / "gray16.jpg", pixels(np.uint16, 1))
+    named_wrongly(root / "rgb16.bmp", pixels(np.uint16, 3), ".tiff")
+    named_wrongly(root / "rgba.jpg", pixels(np.uint8, 4))
+    named_wrongly(root / "wide.webp", pixels(np.uint8, 3, shape=(1, 16384)))  # WebP ends at 16383
+    named_wrongly(root / "rgb.jpg", pixels(np.uint8, 3))
+    cv2.imwrite(str(root / "z.jpg"), pixels(np.uint8, 3))
+    done = augment_files([root], tmp_path / "out", camera)
+    assert set(contents(tmp_path / "out")) == {"rgb.jpg", "z.jpg"}
+    assert len(done.failed) == len(refused)
+    for name, why in refused.items():
+        assert any(line.startswith(f"{root / name}: {why}") for line in done.failed), name
+    cv2.imwrite(str(tmp_path / "out" / "rgba.jpg"), pixels(np.uint8, 3))
+    with pytest.raises(InputError, match=r"rgba\.jpg: exists, and visaug did not write it"):
+        augment_files([root], tmp_path / "out", camera)
+
+
+@pytest.mark.parametrize("link", ["../in/c.png", "../in/labels/c.txt"])
+def test_an_original_is_not_overwritten_through_a_link(camera, tmp_path, link):
+    root, out = tmp_path / "in", tmp_path / "out"
+    for name in ("a.png", "b.png", "c.png"):
+        png(root / name)
+    (root / "labels").mkdir()
+    (root / "labels" / "c.txt").write_text("0 0.5 0.5 0.2 0.2\n")
+    out.mkdir()
+    (out / "a.png").symlink_to(link)
+    before = contents(root)
+    with pytest.raises(InputError, match=r"in/(labels/)?c\.(png|txt): would be overwritten"):
+        augment_files([root], out, camera, labels=True, force=True)
+    assert contents(root) == before
+    assert [path.name for path in out.iterdir()] == ["a.png"]
+
+
+def test_labels_of_others_are_refused_before_any_work(camera, tmp_path):
+    root, out = tmp_path / "in", tmp_path / "set" / "images"
+    for number in range(3):
+        png(root / f"{number}.png")
+        (root / f"{number}.txt").write_text(f"{number}\n")
+    labels = tmp_path / "set" / "labels"
+    labels.mkdir(parents=True)
+    (labels / "0.txt").write_text("0\n")  # the same labels do no harm
+    (labels / "2.txt").write_text("of others\n")
+    with pytest.raises(InputError) as told:
+        augment_files([root], out, camera, labels=True)
+    assert str(told.value).startswith(f"{labels / '2.txt'}: exists, and visaug did not write it")
+    assert contents(tmp_path / "set") == {"labels/0.txt": b"0\n", "labels/2.txt": b"of others\n"}
+    assert augment_files([root], out, camera, labels=True, force=True).written == 3
+    (labels / "2.txt").write_text("changed since\n")
+    with pytest.raises(InputError, match=r"set/labels/2\.txt: was changed since visaug wrote it"):
+        augment_files([root], out, camera, labels=True, seed=1)
+    assert augment_files([root], out, camera, labels=True, force=True).kept == 3
+    assert contents(tmp_path / "set")["labels/2.txt"] == b"2\n"
+
+
+def test_a_name_that_is_not_utf8_gets_a_copy(camera, tmp_path):
+    root, name = tmp_path / "in", os.fsdecode(b"caf\xe9.png")
+    png(root / "a.png")
+    try:
+        (root / "a.png").rename(root / name)
+    except OSError:
+        pytest.skip("the file system takes UTF-8 alone")
+    (root / "notes").write_text("carried")
+    (root / "notes").rename(root / os.fsdecode(b"\xe9.json"))
+    for written, kept in ((1, 0), (0, 1)):
+        done = augment_files([root], tmp_path / "out", camera, labels=True)
+        assert (done.written, done.kept) == (written, kept)
+    assert set(contents(tmp_path / "out")) == set(contents(root))
+    assert (tmp_path / "out" / name).read_bytes() != (root / name).read_bytes()
+
+
 def test_copies_keep_their_names_and_bytes_when_there_are_more(camera, tmp_path):
     png(tmp_path / "a.png")
     two = augment_files([tmp_path / "a.png"], tmp_path / "out", camera, copies=2)
@@ -537,6 +626,42 @@ def test_a_share_of_the_copies_is_the_original_and_each_has_one_camera(camera, t
     ]
     strong = sum(one > 3 for one in spread)  # 4,000 e- are 7.8 levels of 8 bit
     assert 0 < strong < len(spread)
+
+
+def test_no_data_of_floats_stays_and_all_else_gets_noise(camera, tmp_path):
+    light = np.random.default_rng(0).random((64, 64), dtype=np.float32)
+    light[:6] = -9999
+    tifffile.imwrite(tmp_path / "geo.tif", light, extratags=[(42113, 2, 0, "-9999", True)])
+    done = augment_files([tmp_path / "geo.tif"], tmp_path / "out", camera)
+    noisy = tifffile.imread(tmp_path / "out" / "geo.tif")
+    assert (noisy[:6] == -9999).all()
+    assert (noisy[6:] != light[6:]).mean() > 0.9
+    assert (done.like_labels, done.clipped) == ({}, 0)
+
+
+def test_no_data_of_words_does_not_count_as_light(camera, tmp_path):
+    light = pixels(np.uint16, 1) // 16
+    light[:6] = 65535
+    tifffile.imwrite(tmp_path / "geo.tif", light, extratags=[(42113, 2, 0, "65535", True)])
+    augment_files([tmp_path / "geo.tif"], tmp_path / "out", camera, bits=12)
+    noisy = tifffile.imread(tmp_path / "out" / "geo.tif")
+    assert (noisy[:6] == 65535).all()
+    assert (noisy[6:] != light[6:]).mean() > 0.2
+
+
+@pytest.mark.parametrize("dtype", [">u2", ">f4"])
+def test_arrays_of_either_byte_order(camera, tmp_path, dtype):
+    values = pixels(np.uint16, 1)
+    values = values / 65535 if dtype == ">f4" else values
+    made = {}
+    for order in (np.dtype(dtype), np.dtype(dtype).newbyteorder()):
+        np.save(tmp_path / "a.npy", values.astype(order))
+        augment_files([tmp_path / "a.npy"], tmp_path / order.str, camera)
+        made[order.str] = np.load(tmp_path / order.str / "a.npy")
+    assert [one.dtype.str for one in made.values()] == list(made)
+    first, second = made.values()
+    assert (first == second).all()
+    assert (first != np.load(tmp_path / "a.npy")).mean() > 0.2
 
 
 def test_bits_of_16_bit_words(camera, tmp_path):

@@ -1,5 +1,7 @@
 """The numbers below a preview are the noise's standard deviation."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -71,3 +73,48 @@ def test_a_sheet_replaces_a_sheet_and_nothing_else(tmp_path):
         write_preview(tmp_path / "photo.png", [camera], tmp_path / "photo.png")
     assert (tmp_path / "photo.png").read_bytes() == kept
     write_preview(tmp_path / "sheet.png", [camera], tmp_path / "photo.png", force=True)
+
+
+def test_a_name_that_is_not_utf8_gets_a_sheet(tmp_path):
+    from PIL import Image
+
+    from visaug.report.preview import write_preview
+
+    Image.fromarray(np.full((12, 16, 3), 90, np.uint8)).save(tmp_path / "photo.png")
+    odd = tmp_path / os.fsdecode(b"caf\xe9.png")
+    try:
+        (tmp_path / "photo.png").rename(odd)
+    except OSError:
+        pytest.skip("the file system takes UTF-8 alone")
+    camera = Camera.load({"resolution": [16, 16], "gain_e_per_dn": 0.4})
+    write_preview(odd, [camera], tmp_path / "sheet.png")
+    assert (tmp_path / "sheet.png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("values", "bits", "told"),
+    [
+        (
+            np.full((12, 16), 64810, np.uint16),
+            12,
+            r"a\.npy: bits: contains the value 64810; expected at most 4095",
+        ),
+        (np.full((12, 16), 90, np.uint8), 12, r"a\.npy: bits: 12 bit are given for an image of uint8"),
+        (np.full((12, 16), np.nan, np.float32), None, r"a\.npy: holds no pixel with light"),
+    ],
+)
+def test_a_picture_that_cannot_be_shown_is_one_clear_line(values, bits, told, tmp_path):
+    from visaug import InputError
+    from visaug.report.preview import write_preview
+
+    np.save(tmp_path / "a.npy", values)
+    camera = Camera.load({"resolution": [16, 16], "gain_e_per_dn": 0.4})
+    with pytest.raises(InputError, match=told):
+        write_preview(tmp_path / "a.npy", [camera], tmp_path / "sheet.png", bits=bits)
+    assert not (tmp_path / "sheet.png").exists()
+
+
+@pytest.mark.filterwarnings("error")
+def test_pixels_without_a_number_are_black():
+    light = np.array([[[np.nan], [np.inf], [-np.inf], [1.0]]], np.float32)
+    assert shown(Picture(light), (slice(None), slice(None)))[0, :, 0].tolist() == [0, 255, 0, 255]

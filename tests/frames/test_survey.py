@@ -1,6 +1,7 @@
 """Tables from names and headers; and formats that laboratories bring."""
 
 import json
+import os
 from datetime import UTC, datetime
 
 import numpy as np
@@ -355,3 +356,13 @@ def test_micro_manager_exposure(tmp_path):
     assert _microscope({"Summary": {}, "Frames": [json.loads('{"Exposure-ms": "12.5"}')]}) == {
         "exposure_s": 0.0125
     }
+
+
+def test_a_name_that_is_not_utf8_is_named(tmp_path):
+    put(tmp_path, "dark_1s.tif")
+    try:
+        (tmp_path / "dark_1s.tif").rename(tmp_path / os.fsdecode(b"dark_1s_\xe9.tif"))
+    except OSError:
+        pytest.skip("the file system takes UTF-8 alone")
+    with pytest.raises(InputError, match="dark_1s_\udce9\\.tif: has a name that is not UTF-8"):
+        survey(tmp_path).text()

@@ -19,12 +19,12 @@ import torch
 from visaug.augment.image_io import SUFFIXES, Picture, read_picture, write_picture
 from visaug.augment.image_noise import probability, used_bits
 from visaug.augment.images import check_bits
-from visaug.augment.jobs import CopyPlan, find_label, label_place, plan_jobs
+from visaug.augment.jobs import CopyPlan, check_kept, find_label, label_place, plan_jobs
 from visaug.augment.journal import JOURNAL as JOURNAL
-from visaug.augment.journal import Journal, content_of, made_of, settings_of
+from visaug.augment.journal import Journal, content_of, made_of, place_of, settings_of
 from visaug.augment.label_images import why_labels
 from visaug.augment.sensor_noise import SensorNoise
-from visaug.core.errors import InputError
+from visaug.core.errors import InputError, naming
 from visaug.core.files import whole_file
 
 if TYPE_CHECKING:
@@ -125,12 +125,16 @@ def augment_files(
     if output.suffix.lower() in SUFFIXES and not output.exists():
         raise InputError("is the name of a picture", file=output, expected="a folder for the copies")
     jobs = plan_jobs([Path(path) for path in inputs], output, copies, include, exclude)
+    carried = _carried(jobs, copies) if labels else {}
+    yolo = _yolo_labels(jobs, output) if labels else {}
+    check_kept(output, {**jobs.sources, **carried, **yolo})
     noise = SensorNoise(camera, **options)
     work = _Work(output, noise, seed, p, bits, force, settings_of(noise, seed, p, bits, options))
     with Journal(output, force) as journal:
         work.journal = journal
-        carried = _carried(jobs, copies) if labels else {}
         journal.check_new([*jobs.sources, *carried])
+        for name, label in yolo.items():
+            work.check(name, label)
         for number, (name, source) in enumerate(jobs.sources.items()):
             if progress:
                 progress("augmenting", number, len(jobs.sources))
@@ -168,6 +172,17 @@ def _carried(jobs: CopyPlan, copies: int) -> dict[str, Path]:
     return {name: source for name, source in jobs.others.items() if source.resolve() not in labels}
 
 
+def _yolo_labels(jobs: CopyPlan, output: Path) -> dict[str, Path]:
+    """Place below the output folder -> YOLO labels, of the copies whose originals have some."""
+    found = {name: find_label(source) for name, source in jobs.sources.items()}
+    return {_label_name(output, name): label for name, label in found.items() if label is not None}
+
+
+def _label_name(output: Path, name: str) -> str:
+    """Where the YOLO labels of a copy go, from the output folder."""
+    return os.path.relpath(label_place(output / name), os.path.abspath(output))
+
+
 @dataclass
 class _Work:
     """One call of `augment_files`: its settings, its journal and what it did."""
@@ -200,27 +215,28 @@ class _Work:
         if float(torch.rand((), generator=generator, dtype=torch.float64)) >= self.p:
             self.write(name, of, lambda temporary: shutil.copyfile(source, temporary))
             return
-        try:
+        with naming(source):
             noisy = add_noise(picture, self.noise, seed, self.bits)
-        except InputError as mistake:
-            raise InputError(
-                mistake.problem, file=source, field=mistake.field, expected=mistake.expected
-            ) from None
-        self.write(name, of, lambda temporary: write_picture(temporary, noisy))
+
+        def into(temporary: Path) -> None:
+            with naming(source):
+                write_picture(temporary, noisy)
+
+        self.write(name, of, into)
         chosen = self.noise.transfer != "auto"
         kind = (self.noise.transfer, "as given") if chosen else (picture.transfer, picture.reason)
         self.done.assumed[kind] += 1
         self.done.coloured += picture.colours == 3
         if picture.pixels.dtype.kind == "f":
-            light = picture.pixels[..., : picture.colours]
+            light = picture.light
             self.done.clipped += bool((light < 0).any() or (light > 1).any())
 
     def write(self, name: str, of: str, into: Callable[[Path], Any]) -> None:
         """A file that is whole or absent, and in the journal."""
         there = (self.output / name).exists()
-        self.journal.begin(name)
         with whole_file(self.output / name) as temporary:
             into(temporary)
+            self.journal.begin(name)  # not before: what cannot be written leaves no entry
         self.journal.add(name, of)
         self.done.written += 1
         self.done.replaced += there
@@ -232,20 +248,28 @@ class _Work:
             self.done.unlabelled += 1
             return
         self.labelled += 1
-        self.carry(os.path.relpath(label_place(self.output / name), os.path.abspath(self.output)), label)
+        self.carry(_label_name(self.output, name), label)
 
     def carry(self, name: str, source: Path) -> None:
         """A file as it is."""
-        place = self.output / name
-        if place.resolve() == source.resolve():
-            raise InputError("would be overwritten", file=source, expected="another output folder")
-        if place.is_file() and content_of(place) == content_of(source):
+        if self.is_carried(name, source):
             return
+        place = place_of(self.output, name)
         self.journal.begin(name)
         with whole_file(place) as temporary:
             shutil.copyfile(source, temporary)
         self.journal.add(name, "")
         self.done.carried += 1
+
+    def check(self, name: str, source: Path) -> None:
+        """Refuses a place at which something else lies that may not be replaced."""
+        if not self.is_carried(name, source):
+            self.journal.check(name)
+
+    def is_carried(self, name: str, source: Path) -> bool:
+        """Whether the file lies in its place as it is."""
+        place = place_of(self.output, name)
+        return place.is_file() and content_of(place) == content_of(source)
 
 
 def add_noise(picture: Picture, noise: SensorNoise, seed: int, bits: int | None = None) -> Picture:
@@ -259,7 +283,7 @@ def add_noise(picture: Picture, noise: SensorNoise, seed: int, bits: int | None 
     """
     pixels, colours = picture.pixels, picture.colours
     light = pixels[..., :colours]
-    top = _white(light, bits)
+    top = _white(picture, bits)
     clean = torch.from_numpy((light.astype(np.float64) / top).clip(0, 1).astype(np.float32))
     with torch.random.fork_rng(devices=[]), torch.no_grad():
         torch.manual_seed(seed)
@@ -273,13 +297,14 @@ def add_noise(picture: Picture, noise: SensorNoise, seed: int, bits: int | None 
     return picture.with_pixels(result)
 
 
-def _white(light: np.ndarray, bits: int | None) -> float:
+def _white(picture: Picture, bits: int | None) -> float:
     """The value of white.
 
     Raises:
         InputError: values above that of `bits`, or floats that are all whole and exceed 1, as a picture of 0 to 255 has
             them: light in [0, 1] would have fractions.
     """
+    light = picture.light
     check_bits(bits, "floating point" if light.dtype.kind == "f" else light.dtype.name)
     if light.dtype.kind == "f":
         there = light[np.isfinite(light)]
@@ -293,10 +318,14 @@ def _white(light: np.ndarray, bits: int | None) -> float:
         return float(np.iinfo(light.dtype).max)
     top = 2**bits - 1
     if light.max(initial=0) > top:
-        raise InputError(f"contains the value {light.max()}", expected=f"at most {top}, for {bits}-bit data")
+        raise InputError(
+            f"contains the value {light.max()}",
+            field="bits",
+            expected=f"at most {top}, the highest value of {bits} bits, or another number of bits",
+        )
     return float(top)
 
 
 def _seed_of(seed: int, name: str) -> int:
-    digest = hashlib.blake2b(f"{seed}/{name}".encode(), digest_size=8).digest()
+    digest = hashlib.blake2b(f"{seed}/{name}".encode(errors="surrogateescape"), digest_size=8).digest()
     return int.from_bytes(digest, "little") >> 1

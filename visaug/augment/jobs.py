@@ -2,13 +2,13 @@
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
 
 from visaug.augment.image_io import SUFFIXES
-from visaug.augment.journal import JOURNAL, made_in
+from visaug.augment.journal import JOURNAL, made_in, place_of
 from visaug.core.errors import InputError
 
 
@@ -53,7 +53,7 @@ def plan_jobs(
         exclude: patterns, of which it may match none.
 
     Raises:
-        InputError: no pictures, a pattern to include that matches nothing, or an output that would overwrite an original.
+        InputError: no pictures, or a pattern to include that matches nothing.
     """
     jobs = CopyPlan()
     unused = set(include)
@@ -72,8 +72,6 @@ def plan_jobs(
             other = jobs.sources.get(copy)
             if other is not None and other.resolve() != source.resolve():
                 raise InputError(f"would be written to {copy}, as {other} would", file=source)
-            if (output / copy).resolve() == source.resolve():
-                raise InputError("would be overwritten", file=source, expected="another output folder")
             jobs.sources[copy] = source
     if unused:
         raise InputError(
@@ -90,6 +88,23 @@ def plan_jobs(
         )
     jobs.sources = dict(sorted(jobs.sources.items()))
     return jobs
+
+
+def check_kept(output: Path, written: Mapping[str, Path]) -> None:
+    """Refuse places that are, or lead by a link to, a file that is read.
+
+    Args:
+        output: folder of the copies.
+        written: name of each file below it -> what it is made of.
+
+    Raises:
+        InputError: an original would be overwritten.
+    """
+    read = {source.resolve(): source for source in written.values()}
+    for name in written:
+        original = read.get(place_of(output, name).resolve())
+        if original is not None:
+            raise InputError("would be overwritten", file=original, expected="another output folder")
 
 
 def matches(name: str, pattern: str) -> bool:

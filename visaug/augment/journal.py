@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,7 +42,9 @@ class Journal:
             if self.path.is_symlink():
                 raise InputError("is a link", file=self.path, expected="a file that visaug wrote, or none")
             self.made = made_in(self.folder)
-            self._handle = opening.enter_context(open(self.path, "a", encoding="utf-8"))
+            self._handle = opening.enter_context(
+                open(self.path, "a", encoding="utf-8", errors="surrogateescape")
+            )
             self._handle.write("\n")  # closes a line that an interruption tore
             self._open = opening.pop_all()
         return self
@@ -55,22 +58,23 @@ class Journal:
 
     def check_new(self, names: list[str]) -> None:
         """Refuses, before any work, names at which something lies that visaug did not write."""
-        foreign = [name for name in names if name not in self.made and (self.folder / name).exists()]
+        foreign = [name for name in names if name not in self.made and place_of(self.folder, name).exists()]
         if foreign and not self.force:
             more = f" (and {len(foreign) - 1} more)" if len(foreign) > 1 else ""
             raise InputError(
                 f"exists, and visaug did not write it{more}",
-                file=self.folder / foreign[0],
+                file=place_of(self.folder, foreign[0]),
                 expected="another output folder, or --force to replace it",
             )
 
     def begin(self, name: str) -> None:
-        """The file is about to be written.
+        """The file is about to be written; see `check`."""
+        self.check(name)
+        self._add(name)
 
-        Raises:
-            InputError: the file that is there is not as visaug left it.
-        """
-        place = self.folder / name
+    def check(self, name: str) -> None:
+        """Refuses a place at which a file lies that is not as visaug left it."""
+        place = place_of(self.folder, name)
         left = self.made.get(name, {}).get("copy")
         if place.exists() and not self.force and (left is None or (left and not self._as_left(name))):
             raise InputError(
@@ -78,24 +82,29 @@ class Journal:
                 file=place,
                 expected="another output folder, or --force to replace it",
             )
-        self._add(name)
 
     def add(self, name: str, of: str) -> None:
         """The file is in its place."""
-        place = self.folder / name
+        place = place_of(self.folder, name)
         self._add(name, of, content_of(place), str(place.stat().st_size))
 
     def _as_left(self, name: str) -> bool:
         """Whether the file has the content that visaug wrote; its size tells most others without reading them."""
-        place, left = self.folder / name, self.made[name]
+        place, left = place_of(self.folder, name), self.made[name]
         if not place.is_file() or left["bytes"] not in ("", str(place.stat().st_size)):
             return False
         return content_of(place) == left["copy"]
 
     def _add(self, name: str, of: str = "", copy: str = "", size: str = "") -> None:
         self.made[name] = {"of": of, "copy": copy, "bytes": size}
-        self._handle.write(json.dumps({"name": name, **self.made[name]}) + "\n")
+        # a name that is not UTF-8 is written as the bytes that it is: an escape of them would be no text
+        self._handle.write(json.dumps({"name": name, **self.made[name]}, ensure_ascii=False) + "\n")
         self._handle.flush()
+
+
+def place_of(folder: Path, name: str) -> Path:
+    """Path of a file by its name below the folder, or beside it: `../labels/a.txt`, as YOLO labels are."""
+    return Path(os.path.normpath(folder / name)) if Path(name).parts[:1] == ("..",) else folder / name
 
 
 def made_in(folder: Path) -> dict[str, dict[str, str]]:
@@ -103,10 +112,10 @@ def made_in(folder: Path) -> dict[str, dict[str, str]]:
     path, made = folder / JOURNAL, {}
     for line in path.read_bytes().split(b"\n") if path.is_file() else []:
         try:
-            entry = parse_json(line.decode())
+            entry = parse_json(line.decode(errors="surrogateescape"))
             known = {"of": str(entry["of"]), "copy": str(entry["copy"])}
             made[str(entry["name"])] = {**known, "bytes": str(entry.get("bytes", ""))}
-        except (InputError, UnicodeDecodeError, TypeError, KeyError):  # torn, or from elsewhere
+        except (InputError, TypeError, KeyError):  # torn, or from elsewhere
             continue
     return made
 
@@ -147,5 +156,5 @@ def settings_of(noise: "SensorNoise", seed: int, p: float, bits: int | None, opt
 def made_of(settings: str, name: str, source: Path) -> str:
     """The hash by which a copy is known to be done."""
     content = hashlib.blake2b(source.read_bytes(), digest_size=16)
-    content.update(f"{settings}/{name}".encode())
+    content.update(f"{settings}/{name}".encode(errors="surrogateescape"))
     return content.hexdigest()

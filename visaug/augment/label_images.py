@@ -46,7 +46,7 @@ def why_labels(name: str, picture: Picture) -> str | None:
         return "palette"
     light = picture.pixels[..., : picture.colours]
     if light.dtype.kind == "f":
-        return _measured(light)
+        return _measured(picture.light)
     named = words & CLASSES
     few_colours = 32  # a segmentation of an image has so many classes or instances; a shaded picture has hundreds of colours
     grays = 256  # distinct colours of an 8-bit gray image: a name such as "mask" is believed up to here

@@ -35,6 +35,15 @@ class InputError(ValueError):
         super().__init__(" ".join(message.split()))
 
 
+@contextmanager
+def naming(file: str | Path) -> Iterator[None]:
+    """Around work on what a file holds: its InputErrors name the file."""
+    try:
+        yield
+    except InputError as mistake:
+        raise InputError(mistake.problem, file=file, field=mistake.field, expected=mistake.expected) from None
+
+
 class NoSensorNoise(InputError):
     """Pictures without noise, as renders are: no fault of the user's, and nothing is measured. Commands end with status 0."""
 

@@ -73,6 +73,9 @@ def write_table(path: str | Path, records: Iterable[FrameRecord]) -> None:
 def rows_text(rows: Iterable[Mapping[str, Any]]) -> str:
     """The content of a frames.csv from mappings with the fields of `FrameRecord`; None leaves a cell blank."""
     rows = list(rows)
+    for name in (str(r["file"]) for r in rows):
+        if any("\ud800" <= c <= "\udfff" for c in name):  # bytes of a name that are no text
+            raise InputError("has a name that is not UTF-8", file=name, expected="another name, for a table")
     used = [name for name in FURTHER if any(_written(r, name) for r in rows)]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

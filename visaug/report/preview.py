@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from visaug.core.errors import InputError
+from visaug.core.errors import InputError, naming
 from visaug.core.files import whole_file
+from visaug.core.wording import printable
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
@@ -40,6 +41,8 @@ def write_preview(
     Raises:
         InputError: no picture, or a file in the output's place that is no sheet.
     """
+    import numpy as np
+
     from visaug.augment.image_io import read_picture
     from visaug.augment.preview import middle, sample, shown, visible
     from visaug.report.plots.preview import plot_preview
@@ -56,16 +59,19 @@ def write_preview(
         problem = "is a folder" if picture.is_dir() else "no such file"
         raise InputError(problem, file=picture, expected="one picture")
     image = read_picture(picture)
+    if not np.isfinite(image.light).any():
+        raise InputError("holds no pixel with light", file=picture, expected="a picture with numbers in it")
     window = middle(image, rows=300, columns=400)  # of the crop, at most
     samples = []
     for camera in cameras:
         noise, conditions = visible(image, camera, seed, **options)
-        samples.append(sample(image, noise, seed, window, bits, conditions))
+        with naming(picture):
+            samples.append(sample(image, noise, seed, window, bits, conditions))
     chosen = options.get("transfer", "auto")
     kind, reason = (chosen, "as given") if chosen != "auto" else (image.transfer, image.reason)
     transfer = f"{WORDS[kind]} ({reason})"
     title = (
-        f"{picture.name}, taken as {transfer}: the middle at 1:1 and a part at 4x.\n"
+        f"{printable(picture.name)}, taken as {transfer}: the middle at 1:1 and a part at 4x.\n"
         "Noise: standard deviation in 8-bit levels (0 to 255). (chosen): so that the noise is visible"
     )
     figure = plot_preview(title, shown(image, window, bits), samples)

@@ -1,6 +1,7 @@
 """The command group, and the one place where a user's mistake becomes exit status 2."""
 
 import gc
+import io
 import logging
 import os
 import signal
@@ -47,6 +48,10 @@ def main(arguments: list[str] | None = None) -> None:
     gc.set_threshold(10_000)  # imports and compilation make hundreds of thousands of objects that stay
     # the error of a damaged file is one line, without the library's own
     logging.getLogger("tifffile").addHandler(logging.NullHandler())
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(
+            errors="backslashreplace"
+        )  # a file's name may be no text of the terminal's encoding
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, _terminate)
     try:

@@ -14,7 +14,7 @@ from visaug.augment.files import add_noise
 from visaug.augment.image_io import Picture, read_picture
 from visaug.augment.preview import middle
 from visaug.camera import Camera
-from visaug.core.errors import InputError
+from visaug.core.errors import InputError, naming
 from visaug.frames.limits import lower_limit
 
 LARGEST_FILE = 60_000_000  # bytes
@@ -68,7 +68,9 @@ class OwnPicture:
         Args:
             exposure: fraction of the saturation exposure, from 1e-6 to 1; the result is as bright as the picture.
         """
-        taken = add_noise(self.picture, SensorNoise(camera, exposure=exposure), seed)
+        noise = SensorNoise(camera, exposure=exposure)
+        with naming(self.name):
+            taken = add_noise(self.picture, noise, seed)
         window = middle(self.picture, LARGEST_MAP, LARGEST_MAP)
         before, after = (
             p.pixels[window][..., 0 if p.colours == 1 else slice(p.colours)] for p in (self.picture, taken)

@@ -45,9 +45,21 @@ def read_picture(path: Path) -> Picture:
 
 
 def write_picture(path: Path, picture: Picture) -> None:
-    """Write in the format that the suffix names. The same picture gives the same bytes."""
+    """Write in the format that the suffix names. The same picture gives the same bytes.
+
+    Raises:
+        InputError: the format does not hold such pictures, as JPEG does none with alpha.
+    """
     _, writer = _format(path)
-    writer(path, picture)
+    try:
+        writer(path, picture)
+    except Exception as error:  # encoders raise many kinds
+        if isinstance(error, InputError) or getattr(error, "errno", None) is not None:  # a full disk
+            raise
+        raise InputError(
+            f"cannot be written in the format of its suffix ({error})",
+            expected=f"a picture that {path.suffix} holds, or another suffix",
+        ) from None
 
 
 def _format(path: Path) -> tuple[Reader, Writer]:

@@ -22,15 +22,20 @@ def read_npy(path: Path) -> Picture:
     check_shape(shape, path)
     if pixels.ndim not in (2, 3) or (pixels.ndim == 3 and not 1 <= shape[2] <= 4):
         raise InputError(f"has shape {shape}", file=path, expected="(H, W) or (H, W, 1 to 4 channels)")
-    if pixels.dtype not in (np.uint8, np.uint16) and pixels.dtype.kind != "f":
+    native = pixels.dtype.newbyteorder("=")
+    if native not in (np.uint8, np.uint16) and native.kind != "f":
         raise InputError(f"holds {pixels.dtype}", file=path, expected="uint8, uint16 or floats")
-    return Picture(three_axes(np.array(pixels)), LINEAR, "NumPy array", extras={"axes": pixels.ndim})
+    extras = {"axes": pixels.ndim, "dtype": pixels.dtype}
+    return Picture(three_axes(np.array(pixels, native)), LINEAR, "NumPy array", extras=extras)
 
 
 def write_npy(path: Path, picture: Picture) -> None:
     flat = picture.extras.get("axes") == 2
+    pixels = picture.pixels[..., 0] if flat else picture.pixels
     with open(path, "wb") as handle:
-        np.save(handle, picture.pixels[..., 0] if flat else picture.pixels)
+        np.save(
+            handle, pixels.astype(picture.extras.get("dtype", pixels.dtype), copy=False)
+        )  # in its byte order
 
 
 def read_exr(path: Path) -> Picture:

@@ -33,6 +33,12 @@ class Picture:
         channels = self.pixels.shape[2]
         return channels - 1 if channels in (2, 4) else channels
 
+    @property
+    def light(self) -> np.ndarray:
+        """(N, colours) values of the pixels that hold light."""
+        light = self.pixels[..., : self.colours]
+        return light.reshape(-1, self.colours) if self.keep is None else light[~self.keep]
+
     def with_pixels(self, pixels: np.ndarray) -> "Picture":
         """The same picture with other colours; pixels that hold no light keep theirs."""
         if self.keep is not None:

@@ -35,15 +35,20 @@ def read_with_pillow(path: Path) -> Picture:
             raise InputError(f"holds {count} pictures", file=path, expected="a single picture in a file")
         extras = {key: image.info[key] for key in KEPT.get(image.format or "", ()) if key in image.info}
         hints = Hints(icc=image.info.get("icc_profile"), exif_space=exif_space(image.info.get("exif")))
+        # named as a format of 8 bit: Pillow would cut these, colour here and gray where it is written
+        if image.format in ("PNG", "TIFF") and any(";16" in str(tile[3]) for tile in image.tile):
+            raise InputError(
+                f"is a {image.format} picture of 16 bit",
+                file=path,
+                expected=f"a name ending in .{image.format.lower()}",
+            )
         palette = image.mode in ("P", "PA")
         if palette:
             image = image.convert("RGBA" if "transparency" in image.info or image.mode == "PA" else "RGB")
         elif image.mode == "1":
             image = image.convert("L")
-        elif image.mode not in ("L", "LA", "RGB", "RGBA", "I;16"):
-            raise InputError(
-                f"has colour mode {image.mode}", file=path, expected="gray or RGB of 8 or 16 bit"
-            )
+        elif image.mode not in ("L", "LA", "RGB", "RGBA"):
+            raise InputError(f"has colour mode {image.mode}", file=path, expected="gray or RGB of 8 bit")
         pixels = three_axes(np.asarray(image))
     colours = pixels.shape[2] - (pixels.shape[2] in (2, 4))
     transfer, reason = transfer_of(hints, pixels.dtype, colours)
