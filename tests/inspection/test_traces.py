@@ -11,7 +11,7 @@ from PIL import Image
 from scipy import ndimage
 
 import visaug
-from tests.inspection.cameras import COLUMNS, ROWS, SHAPE, frames
+from tests.inspection.cameras import COLUMNS, ROWS, SHAPE, frames, offsets
 from visaug.inspection.processing import shares_of_neighbours
 
 
@@ -156,6 +156,26 @@ def test_codes():
     [clipped] = visaug.inspect(frames(rng, [], 8, 12, black=2)).findings
     assert clipped.what == "clipping"
     assert clipped.share == pytest.approx(0.309, abs=0.01)  # of a normal law, (-inf, 0.5] about 2 with 3 DN
+
+
+@pytest.mark.parametrize(("black", "light", "kind"), [(200, 0, "dark"), (200, 1800, "flat")])
+@pytest.mark.parametrize(
+    "stored",
+    [lambda v: v, lambda v: v.astype(np.float32), lambda v: v * 16, lambda v: (v * 16).astype(np.float32)],
+    ids=["integers", "floats", "at the top", "floats at the top"],
+)
+def test_kind_and_sizes_are_those_of_the_converter_in_any_file(stored, black, light, kind):
+    """Row offsets of 2 DN and noise of 6 DN in 12 bits: stored in whatever way they give the same figures. A pattern that is
+    not there has a probability below 1 %.
+    """
+    rng = np.random.default_rng(86)
+    values = frames(rng, [offsets(rng, 8, 2.0, "row", True)], 8, 12, 6.0, black, light)
+    result, expected = visaug.inspect(stored(values)), visaug.inspect(values)
+    assert (result.kinds, result.measured) == ({kind: 8}, expected.measured)
+    assert result.measured[0].level_dn == pytest.approx(black + light, abs=1)
+    assert [f.what for f in result.findings] == ["row_offset"]
+    assert result.findings[0].amplitude_dn == pytest.approx(2.0, rel=0.2)
+    assert result.findings[0].amplitude_dn == expected.findings[0].amplitude_dn
 
 
 def test_copies_of_one_exposure_are_said():

@@ -58,7 +58,7 @@ def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, see
     source = f"likelihood of {still.n} {still.group.kind} frames{cut}, rounded"
     _noise_and_pattern(found, still, solution, source)
     _black_level(found, still, solution, master, source, sample.origin)
-    _dark(found, measured, solution, sample.origin)
+    _dark(found, measured, still, solution, sample.origin)
     if cut:
         found.withdraw("clipped_at_zero")
         found.warn(
@@ -182,7 +182,7 @@ def _coarse(
     found.add("black_level_dn", (value, value - 0.5, value + 0.5), "DN", source + ", known to half a DN")
 
 
-def _dark(found: Findings, measured: Measured, solution: _Solution, origin: int) -> None:
+def _dark(found: Findings, measured: Measured, still: GroupMoments, solution: _Solution, origin: int) -> None:
     """Dark signal of every group as the shift of all columns that explains its cut mean."""
     fit, columns = solution.fit, solution.columns.places
     within = solution.pixel_variance + solution.rows.variance
@@ -190,7 +190,7 @@ def _dark(found: Findings, measured: Measured, solution: _Solution, origin: int)
     dn_per_e = 0.0 if found.gain is None else found.gain.dn_per_e
     per_dn = 0.0 if found.gain is None else 1 / found.gain.dn_per_e
     for m in (*measured.darks, *measured.biases):
-        if m.shape[1] != columns.size:
+        if m.place != still.place:
             continue
 
         def mean_at(shift: float, target: float = 0.0) -> float:

@@ -116,8 +116,10 @@ def slopes(points: Sequence[DarkPoint]) -> list[Slope]:
     """A straight line against exposure at every temperature with two or more exposures.
 
     The error comes from how frames scatter about their group (black-level drift is in it) or, where lines
-    have three or more exposures, from how groups scatter about the lines, whichever is larger.
+    have three or more exposures, from how groups scatter about the lines, whichever is larger. Scatter that is
+    known counts at its own exposure: variances scatter the more the larger they are, where a line has its lever.
     """
+    scatter, df = _scatter(points)
     by_temperature: dict[float | None, list[DarkPoint]] = {}
     for p in points:
         t = p.temperature_c
@@ -133,21 +135,23 @@ def slopes(points: Sequence[DarkPoint]) -> list[Slope]:
                     t,
                     np.array([p.level for p in group]),
                     np.array([float(p.frames) for p in group]),
+                    np.array([p.scatter / scatter if math.isinf(p.df) and scatter else 1.0 for p in group]),
                 )
             )
-    scatter, df = _scatter(points)
-    misfit, misfit_df = 0.0, 0
-    for _, t, y, n in lines:
-        value, offset, _ = _line(t, y, n)
+    misfit, expected, misfit_df = 0.0, 0.0, 0  # expected of a scatter of 1 DN^2
+    for _, t, y, n, share in lines:
+        value, offset, lever, spread = _line(t, y, n)
         if len(t) > 2:
             misfit += (n * (y - offset - value * t) ** 2).sum()
+            expected += (share * (1 - n / n.sum() - n * lever**2 / spread)).sum()
             misfit_df += len(t) - 2
-    if misfit_df and not misfit / misfit_df <= scatter:
-        scatter, df = misfit / misfit_df, misfit_df
+    if expected > 0 and not misfit / expected <= scatter:
+        scatter, df = misfit / expected, misfit_df
     found = []
-    for temperature, t, y, n in lines:
-        value, _, spread = _line(t, y, n)
-        found.append(Slope(temperature, value, math.sqrt(scatter / spread), df))
+    for temperature, t, y, n, share in lines:
+        value, _, lever, spread = _line(t, y, n)
+        by_lever = float((n * lever**2 * share).sum() / spread)
+        found.append(Slope(temperature, value, math.sqrt(scatter / spread) * math.sqrt(by_lever), df))
     return sorted(found, key=lambda s: (s.temperature_c is not None, s.temperature_c or 0.0))
 
 
@@ -180,12 +184,13 @@ def law(found: Sequence[Slope]) -> DarkCurrentLaw | None:
     )
 
 
-def _line(t: np.ndarray, y: np.ndarray, n: np.ndarray) -> tuple[float, float, float]:
-    """Slope, offset and weighted spread of t, for weights n."""
+def _line(t: np.ndarray, y: np.ndarray, n: np.ndarray) -> tuple[float, float, np.ndarray, float]:
+    """Slope, offset, t about its middle and the weighted spread of that, for weights n."""
     middle = float((n * t).sum() / n.sum())
-    spread = float((n * (t - middle) ** 2).sum())
+    lever = t - middle
+    spread = float((n * lever**2).sum())
     value = float((n * (t - middle) * y).sum() / spread)
-    return value, float((n * y).sum() / n.sum()) - value * middle, spread
+    return value, float((n * y).sum() / n.sum()) - value * middle, lever, spread
 
 
 def _scatter(points: Sequence[DarkPoint]) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from scipy import stats
 
 from visaug.characterization.additivity import FROM_GAIN
 from visaug.characterization.groups import FlatLevel, Measured
-from visaug.characterization.moments import GroupMoments, mean_map
+from visaug.characterization.moments import GroupMoments, largest_place, mean_map
 from visaug.characterization.photon_transfer import PhotonTransferResult
 from visaug.frames import FrameSet
 from visaug.statistics.findings import FALSE_ALARM, Findings
@@ -23,11 +23,11 @@ _MATTERS = 0.02  # root mean square deviation of the gain
 
 def check(measured: Measured, transfer: PhotonTransferResult, found: Findings) -> None:
     """Warns of gains that differ between parts of the frame or between neighbouring pixels."""
-    shape = max((transfer.levels[i].flat.shape for i in transfer.safe), key=math.prod)
-    if min(shape) < _PARTS * _LEAST:
-        return
     levels = [transfer.levels[i] for i in transfer.safe]
-    levels = [v for v in levels if v.flat.shape == shape and v.signal > 0][-_BRIGHTEST:]
+    place = largest_place(v.flat for v in levels)
+    levels = [v for v in levels if v.flat.place == place and v.signal > 0][-_BRIGHTEST:]
+    if min(levels[0].flat.shape) < _PARTS * _LEAST:
+        return
     ratio, error = relative_gains(measured.frames, levels, transfer)
     weights = 1 / error**2
     ratio, error = (values / float((ratio * weights).sum() / weights.sum()) for values in (ratio, error))

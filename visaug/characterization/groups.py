@@ -12,7 +12,7 @@ import numpy as np
 from visaug.characterization.alike import SAME_C, degrees_apart, merged_groups
 from visaug.characterization.dark_current import Slope, mean_points, slopes, wanders
 from visaug.characterization.facts import Facts
-from visaug.characterization.moments import GroupMoments, measure
+from visaug.characterization.moments import GroupMoments, measure, nearness
 from visaug.frames import FrameSet
 
 
@@ -149,7 +149,7 @@ class Measured:
         """Frames for master bias and read noise: most frames first, then the shortest exposure."""
         return max(
             (m for m in (*self.biases, *self.darks) if m.n > 1 and m.shape == self._shape),
-            key=lambda m: (m.group.kind == "bias", m.n, -m.group.exposure_s),
+            key=lambda m: (m.group.kind == "bias", m.n, -m.group.exposure_s, nearness(m.group.window)),
             default=None,
         )
 

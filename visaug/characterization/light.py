@@ -8,7 +8,7 @@ import numpy as np
 
 from visaug.characterization import additivity, spatial
 from visaug.characterization.groups import FlatLevel, Measured
-from visaug.characterization.moments import GroupMoments, mean_map
+from visaug.characterization.moments import GroupMoments, largest_place, mean_map
 from visaug.characterization.mosaic import Mosaic
 from visaug.characterization.nonuniformity import Parts, parts, surface
 from visaug.characterization.photon_transfer import (
@@ -198,8 +198,9 @@ def response_pattern(
 
     On a mosaic each pixel is compared with those of its own colour.
     """
-    shape = max((result.levels[i].flat.shape for i in result.safe), key=lambda s: s[0] * s[1])
-    levels = [v for i in result.safe if (v := result.levels[i]).flat.shape == shape]
+    place = largest_place(result.levels[i].flat for i in result.safe)
+    levels = [v for i in result.safe if (v := result.levels[i]).flat.place == place]
+    shape = levels[0].flat.shape
     darks: dict[int, tuple[GroupMoments, np.ndarray]] = {}
     line = result.response
     gap = np.array([v.exposure_gap_s for v in levels])
@@ -251,7 +252,7 @@ def response_pattern(
         found.warn(f"shading: the light or the response varies smoothly by {shading:.1%} over the frame")
     if split.defects:
         found.warn(f"defects: {split.defects} pixels with an outlying response are excluded from PRNU")
-    found.maps["response"] = pattern.astype(np.float32)
+    found.maps["response"], found.response_place = pattern.astype(np.float32), place
     return split
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from visaug.characterization.alike import SAME_C
 from visaug.characterization.groups import Measured
-from visaug.characterization.moments import GroupMoments, mean_map
+from visaug.characterization.moments import GroupMoments, Place, largest_place, mean_map
 from visaug.characterization.nonuniformity import surface, two_way
 from visaug.core.constants import MAD
 from visaug.core.errors import InputError
@@ -34,30 +34,31 @@ class Defect(IntFlag):
 def add_maps(found: Findings, measured: Measured) -> None:
     """Add `dark_current` (e-/s; DN/s where the gain is unknown) and `defects` (bits of `Defect`)."""
     defects: np.ndarray | None = None
+    shown: Place | None = None  # the window of the first map; others of the same size show other pixels
 
-    def mark(which: np.ndarray, bit: Defect) -> None:
-        nonlocal defects
+    def mark(which: np.ndarray, bit: Defect, place: Place | None) -> None:
+        nonlocal defects, shown
         if defects is None:
-            defects = np.zeros(which.shape, np.uint8)
-        if defects.shape == which.shape:
+            defects, shown = np.zeros(which.shape, np.uint8), place
+        if shown == place:
             defects[which] |= bit.value
 
     warmest = _warmest(measured)
     odd = 8.0  # robust standard deviations
     if warmest:
         rate, error = _rates(measured, warmest)
-        mark(_stands_out(rate) > odd, Defect.HOT)
+        mark(_stands_out(rate) > odd, Defect.HOT, warmest[0].place)
         scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
         found.maps["dark_current"] = (rate * scale).astype(np.float32)
         found.dark_current_error = error * scale
     still = measured.still
     if still is not None and still.n >= 8:
-        mark(_stands_out(_deviation(measured, still)) > odd, Defect.UNSTEADY)
+        mark(_stands_out(_deviation(measured, still)) > odd, Defect.UNSTEADY, still.place)
     response = found.maps.get("response")
     if response is not None:
-        mark(np.abs(_stands_out(response)) > odd, Defect.DEAD)
+        mark(np.abs(_stands_out(response)) > odd, Defect.DEAD, found.response_place)
     if found.stuck is not None:
-        mark(found.stuck, Defect.DEAD)
+        mark(found.stuck, Defect.DEAD, measured.moments[0].place)  # of sets of one window alone
     if defects is not None:
         found.maps["defects"] = defects
         counts = {
@@ -75,11 +76,8 @@ def _stands_out(values: np.ndarray) -> np.ndarray:
 
 def _warmest(measured: Measured) -> list[GroupMoments]:
     """Dark groups at the highest temperature that has two exposures, on the largest window; unknown ones come last."""
-    shapes = [m.shape for m in measured.darks]
-    if not shapes:
-        return []
-    largest = max(shapes, key=lambda s: s[0] * s[1])
-    groups = [m for m in (*measured.darks, *measured.biases) if m.shape == largest]
+    place = largest_place(measured.darks)
+    groups = [m for m in (*measured.darks, *measured.biases) if m.place == place]
     known = sorted({m.group.temperature_c for m in groups if m.group.temperature_c is not None}, reverse=True)
     for t in (*known, None):
         same = [m for m in groups if _at(m.group.temperature_c, t)]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -9,6 +11,9 @@ import numpy as np
 
 from visaug.frames import FrameSet, Group
 from visaug.frames.checks import PILED_SHARE
+from visaug.frames.record import Window
+
+Place = tuple[tuple[int, int], Window | None]
 
 
 @dataclass(frozen=True)
@@ -64,6 +69,11 @@ class GroupMoments:
     step_dn: float = 1.0
 
     @property
+    def place(self) -> Place:
+        """Size and window: the same pixels of the sensor where both are equal."""
+        return self.shape, self.group.window
+
+    @property
     def mean(self) -> float:
         return float(self.row_means.mean())
 
@@ -114,6 +124,21 @@ def measure(frames: FrameSet, group: Group, step_dn: float = 1.0) -> GroupMoment
         columns_by_frame=columns,
         step_dn=step_dn,
     )
+
+
+def largest_place(moments: Iterable[GroupMoments]) -> Place | None:
+    """The largest window, of equal ones that of the most frames, then the nearest to the first row: only frames of one window
+    show one pattern.
+    """
+    frames: Counter[Place] = Counter()
+    for m in moments:
+        frames[m.place] += m.n
+    return max(frames, key=lambda p: (math.prod(p[0]), frames[p], nearness(p[1])), default=None)
+
+
+def nearness(window: Window | None) -> tuple[int, ...]:
+    """Grows with the nearness to the first row: settings of equal frames in several windows then all count in one."""
+    return tuple(-edge for edge in window or ())
 
 
 def mean_map(frames: FrameSet, indices: Iterable[int]) -> np.ndarray:

@@ -15,20 +15,25 @@ _FRAMES = 6  # halves of three frames each tell a variance apart from its chance
 
 @dataclass(frozen=True)
 class PixelNoiseSpread:
-    """Spread of the pixels' own read noise: standard deviation of log sigma, its error, and a map.
+    """Spread of the pixels' own read noise: standard deviation of log sigma, and a map.
 
     Attributes:
+        variance: of log sigma, and its standard error; it may be negative by chance.
         deviation_dn: (H, W) standard deviation of every pixel, rounding taken off, DN.
     """
 
-    spread: float
-    spread_error: float
+    variance: tuple[float, float]
     deviation_dn: np.ndarray
 
     @property
+    def spread(self) -> float:
+        return math.sqrt(max(self.variance[0], 0.0))
+
+    @property
     def established(self) -> bool:
-        beyond = 6.0  # standard errors
-        return self.spread > beyond * self.spread_error
+        beyond = 3.0  # standard errors of the variance, 6 of its root
+        value, error = self.variance
+        return value > beyond * error
 
 
 def pixel_noise(frames: FrameSet, still: GroupMoments) -> PixelNoiseSpread | None:
@@ -46,12 +51,9 @@ def pixel_noise(frames: FrameSet, still: GroupMoments) -> PixelNoiseSpread | Non
     logs = [np.log(np.maximum(v, 1 / 12)) for v in (first, second)]
     logs = [v - v.mean() for v in logs]
     product = logs[0] * logs[1]
-    covariance = float(product.mean())
-    error = float(product.std() / math.sqrt(product.size))
-    spread = 0.5 * math.sqrt(max(covariance, 0.0))
-    spread_error = error / (8 * spread) if covariance > error else 0.25 * math.sqrt(error)
+    variance = 0.25 * float(product.mean()), 0.25 * float(product.std() / math.sqrt(product.size))
     mixed = (first * (len(halves[0]) - 1) + second * (len(halves[1]) - 1)) / (still.n - 2)
-    return PixelNoiseSpread(spread, spread_error, np.sqrt(np.maximum(mixed - 1 / 12, 0.0)))
+    return PixelNoiseSpread(variance, np.sqrt(np.maximum(mixed - 1 / 12, 0.0)))
 
 
 def shrunk(noise: PixelNoiseSpread, rms_dn: float) -> np.ndarray:

@@ -94,7 +94,8 @@ def _own_noise(
 ) -> tuple[float, float, float]:
     """Read noise by pixel; returns the interval of its root mean square in DN."""
     source = f"covariance of the pixels' variances between halves of {still.n} {still.group.kind} frames"
-    found.add("read_noise.spread", symmetric(own.spread, own.spread_error), "1", source)
+    square, error = own.variance  # the upper limit of a negative one is that of 0
+    found.add("read_noise.spread", root(symmetric(max(square, 0.0), error)), "1", source)
     rms = interval[0]
     uneven = 0.05  # spread of log sigma from which on it bends the histogram's shape
     if own.established and own.spread > uneven:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from visaug.frames import FrameSet
+from visaug.frames.raw import unused_low_bits
 from visaug.inspection.finding import ALPHA, Finding
 from visaug.inspection.material import FrameGroup
 from visaug.statistics.views.codes import NEIGHBOURS, SIDE
@@ -23,7 +25,7 @@ class CodeCounts:
         counts: by code, of all frames.
         step: difference of neighbouring codes in use, a power of 2 (1 where all come).
         bits: of the converter, or the fewest usual ones that hold the largest code.
-        shift: by how many bits the codes are moved up in the file.
+        shift: by how many bits the codes are moved up in the file; they are counted without.
         stated: whether the files state the bits.
         whole: whether the frames hold integers.
     """
@@ -36,16 +38,34 @@ class CodeCounts:
     whole: bool
 
 
-def codes_of(looks: list[FrameGroup], container: int | None) -> CodeCounts:
+def shift_of(frames: FrameSet) -> int:
+    """By how many bits all values are moved up to the top of 16, where nobody states the bits."""
+    if frames.told_bits is not None or frames.bit_depth not in (16, None):
+        return 0
+    low, highest = 16, 0
+    for i in range(len(frames)):
+        frame = frames.read(i)
+        if frame.min() < 0 or frame.max() > 65535 or (frame != np.rint(frame)).any():
+            return 0
+        low, highest = min(low, unused_low_bits(frame.astype(np.uint16))), max(highest, int(frame.max()))
+        if low < 2:
+            return 0
+    low = min(low, 8)
+    # 8, 10, 12 or 14 bits at the top of 16; nobody loses four
+    return low if highest and (low in (4, 6, 8) or (low == 2 and highest >= 1 << 14)) else 0
+
+
+def codes_of(looks: list[FrameGroup], container: int, shift: int = 0) -> CodeCounts:
     """The codes of all frames.
 
     Args:
-        container: bits of a value in the files, None where they hold floats.
+        container: bits of a value in the files, 16 where they hold floats.
+        shift: by how many bits they were moved up in the files.
     """
     whole = all(bool((look.frames[0] == np.rint(look.frames[0])).all()) for look in looks)
     highest = int(max(float(look.frames.max()) for look in looks))
     if not whole or highest > 1 << 20:
-        return CodeCounts(np.zeros(0, np.int64), 1, container or 16, 0, False, whole)
+        return CodeCounts(np.zeros(0, np.int64), 1, container, shift, False, whole)
     counts = np.zeros(highest + 1, np.int64)
     for look in looks:
         for frame in look.frames:
@@ -57,14 +77,10 @@ def codes_of(looks: list[FrameGroup], container: int | None) -> CodeCounts:
     while step < 1 << finest and not (used % (2 * step)).any():
         step *= 2
     told = looks[0].bits
-    shift = 0
-    lost = int(math.log2(step))
-    if container == 16 and told is None and (lost in (4, 6) or (lost == 2 and highest >= 1 << 14)):
-        shift = lost  # 12, 10 or 14 bits at the top of 16; nobody loses four
     least = 16 - shift if shift else 10 if container == 16 else 8
     depths = (8, 10, 12, 14, 16)  # of usual converters
-    bits = told or next(b for b in (*depths, 24) if b >= least and highest >> shift < 1 << b)
-    return CodeCounts(counts, step >> shift, bits, shift, told is not None, whole)
+    bits = told or next(b for b in (*depths, 24) if b >= least and highest < 1 << b)
+    return CodeCounts(counts, step, bits, shift, told is not None, whole)
 
 
 def code_findings(codes: CodeCounts, looks: list[FrameGroup]) -> list[Finding]:
@@ -100,7 +116,7 @@ def _lost_bits(codes: CodeCounts) -> Finding | None:
 
 def _gaps(codes: CodeCounts) -> Finding | None:
     """Codes that do not come although those around do, as after a digital gain or from a faulty converter."""
-    counts = codes.counts[:: codes.step << codes.shift].astype(np.float64)
+    counts = codes.counts[:: codes.step].astype(np.float64)
     expected = np.convolve(counts, NEIGHBOURS)[SIDE:-SIDE]
     around = np.minimum(
         _shifted(counts, 1) + _shifted(counts, 2), _shifted(counts, -1) + _shifted(counts, -2)
@@ -109,8 +125,7 @@ def _gaps(codes: CodeCounts) -> Finding | None:
     never = np.flatnonzero(filled & (counts < 0.02 * expected))
     if not len(never):
         return None
-    scale = codes.step << codes.shift
-    listed = ", ".join(str(int(c) * scale) for c in never[:5]) + (" ..." if len(never) > 5 else "")
+    listed = ", ".join(str(int(c) * codes.step) for c in never[:5]) + (" ..." if len(never) > 5 else "")
     share = len(never) / max(int(filled.sum()), 1)
     gaps = np.diff(never)
     period = float(np.median(gaps)) if len(never) > 3 and np.ptp(gaps) <= 1 else None
@@ -122,7 +137,7 @@ def _gaps(codes: CodeCounts) -> Finding | None:
         2 * float(expected[never].sum()),
         share=share,
         period=period,
-        details={"codes": [int(c) * scale for c in never[:1000]]},
+        details={"codes": [int(c) * codes.step for c in never[:1000]]},
         shown={"counts": codes.counts},
     )
 
@@ -169,15 +184,14 @@ def _pile(look: FrameGroup, at_top: bool, codes: CodeCounts) -> float:
     values = sign * look.frames
     end = float(values.min())
     here = np.count_nonzero(values == end)
-    step = codes.step << codes.shift
-    beside = max(np.count_nonzero(values == end + k * step) for k in (1, 2))
+    beside = max(np.count_nonzero(values == end + k * codes.step) for k in (1, 2))
     share = here / values.size
-    limit = float((1 << codes.bits) - 1 << codes.shift) if at_top else 0.0
+    limit = float((1 << codes.bits) - 1) if at_top else 0.0
     is_limit = abs(end) == limit
     if here == values.size:
         return share if is_limit else 0.0
     steep = 1.0 if is_limit else 3.0
-    narrow = look.noise_dn < step and not is_limit
+    narrow = look.noise_dn < codes.step and not is_limit
     # One-sided sign test: are pixels at the last code more frequent than at the code beside it?
     by_chance = stats.binom.sf(here - 1, here + beside, 0.5) > ALPHA
     return share if here > steep * beside and not narrow and not by_chance else 0.0

@@ -9,8 +9,8 @@ from visaug.frames.dark_folder import named_kinds, shows_a_scene
 from visaug.statistics.reduction import block_means, edges
 
 
-def kinds_of(frames: FrameSet) -> tuple[list[str], str]:
-    """The kind of each frame, and by what it was told."""
+def kinds_of(frames: FrameSet, shift: int = 0) -> tuple[list[str], str]:
+    """The kind of each frame, whose values are moved up by `shift` bits, and by what it was told."""
     told = [None if r.kind == "image" else r.kind for r in frames.records]
     named = named_kinds(frames.records)
     kinds = [kind or name for kind, name in zip(told, named, strict=True)]
@@ -23,18 +23,19 @@ def kinds_of(frames: FrameSet) -> tuple[list[str], str]:
         sources.append("the file names")
     if unknown:
         sources.append("level and structure")
-    by_level = _by_level(frames, unknown)
+    by_level = _by_level(frames, unknown, shift)
     return [str(kind or by_level[i]) for i, kind in enumerate(kinds)], ", else ".join(sources)
 
 
-def _by_level(frames: FrameSet, unknown: list[int]) -> dict[int, str]:
-    top = float((1 << (frames.bit_depth or 16)) - 1)
-    least = 1023.0 if frames.bit_depth == 16 else 255.0  # no converter of 8 bits fills 16
+def _by_level(frames: FrameSet, unknown: list[int], shift: int) -> dict[int, str]:
+    bits = (frames.bit_depth or 16) - shift
+    top = float((1 << bits) - 1)
+    least = 1023.0 if bits > 8 else 255.0  # a converter of 8 bits fills 8, in files of any type
     found: dict[int, str] = {}
     before: np.ndarray | None = None
     lit = 0.25  # of the largest code, from which uniform frames are taken for flats
     for i in unknown:
-        frame = frames.read(i)
+        frame = frames.read(i) / np.float32(1 << shift)
         highest = max(float(np.quantile(frame, 0.9999)), 1.0)
         scale = next((b for b in (255.0, 1023.0, 4095.0, 16383.0, 65535.0) if b >= max(highest, least)), top)
         if shows_a_scene(frame):

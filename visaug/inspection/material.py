@@ -125,12 +125,15 @@ def _beyond(pixels: np.ndarray) -> np.ndarray:
     return pixels - np.clip(pixels, -limit, limit)
 
 
-def looks(frames: FrameSet, kinds: list[str], guessed: bool = False) -> tuple[list[FrameGroup], list[str]]:
+def looks(
+    frames: FrameSet, kinds: list[str], guessed: bool = False, shift: int = 0
+) -> tuple[list[FrameGroup], list[str]]:
     """The frames by kind, conditions, size and level, the largest group first; and notes on what was left out.
 
     Args:
         kinds: of each frame.
         guessed: whether some were told by the level.
+        shift: by how many bits the values are moved up, which is taken back.
     """
     notes: list[str] = []
     records = [replace(r, kind=kind) for r, kind in zip(frames.records, kinds, strict=True)]
@@ -153,6 +156,8 @@ def looks(frames: FrameSet, kinds: list[str], guessed: bool = False) -> tuple[li
                 notes.append(f"part_of_the_frames: {most} of {len(indices)} {group.kind} frames are used")
                 indices = indices[:most]
             stack = told.read_many(indices)
+            if shift:
+                stack = stack / np.float32(1 << shift)
             if frames.bit_depth is None and 0 < stack.max() <= 1:
                 stack *= np.float32(full_scale)
                 notes.append(

@@ -13,7 +13,7 @@ import numpy as np
 from visaug.core.errors import InputError
 from visaug.frames import FrameRecord, FrameSet
 from visaug.frames.pixels_alone import load_pixels
-from visaug.inspection.codes import code_findings, codes_of
+from visaug.inspection.codes import code_findings, codes_of, shift_of
 from visaug.inspection.field import frame_drift, glow
 from visaug.inspection.finding import Finding
 from visaug.inspection.kinds import kinds_of
@@ -46,15 +46,16 @@ def inspect(frames: FrameSet | str | Path | np.ndarray | Sequence[np.ndarray]) -
         'halves'
     """
     frames = _as_set(frames)
-    kinds, told_by = kinds_of(frames)
-    groups, notes = looks(frames, kinds, guessed="level" in told_by)
+    shift = shift_of(frames)
+    kinds, told_by = kinds_of(frames, shift)
+    groups, notes = looks(frames, kinds, guessed="level" in told_by, shift=shift)
     if not groups:
         raise InputError(
             "no frame is large enough", file=frames.loaded_from, expected="frames of 16 x 16 pixels or more"
         )
     chosen = _chosen(groups)
-    container = 16 if frames.told_bits and frames.told_bits > 8 else frames.bit_depth
-    codes = codes_of(chosen, container)
+    container = 16 if frames.told_bits and frames.told_bits > 8 else frames.bit_depth or 16
+    codes = codes_of(chosen, container, shift)
     packed = compression(chosen, frames)
     parts = [_findings_of(replace(look, coloured=packed is not None)) for look in chosen]
     mosaic = next((r.bayer for r in frames.records if r.bayer), None)

@@ -67,6 +67,7 @@ class Findings:
     effects: list[dict[str, Any]] = field(default_factory=list)  # of a camera.yaml, beyond the base chain
     assumed: list[str] = field(default_factory=list)  # paths of a camera.yaml that nothing measured
     stuck: np.ndarray | None = None  # (H, W) pixels that do not answer to light
+    response_place: Any = None  # size and window of the map `response`
     # whether pixels were mixed after they were read: rows and columns then share noise too
     filtered: bool = False
     dark_current_error: float = 0.0  # standard error of a usual pixel of the map `dark_current`
