@@ -36,7 +36,9 @@ def read_with_pillow(path: Path) -> Picture:
         extras = {key: image.info[key] for key in KEPT.get(image.format or "", ()) if key in image.info}
         hints = Hints(icc=image.info.get("icc_profile"), exif_space=exif_space(image.info.get("exif")))
         # named as a format of 8 bit: Pillow would cut these, colour here and gray where it is written
-        if image.format in ("PNG", "TIFF") and any(";16" in str(tile[3]) for tile in image.tile):
+        if image.format in ("PNG", "TIFF") and any(
+            ";16" in str(tile[3]) for tile in getattr(image, "tile", ())
+        ):
             raise InputError(
                 f"is a {image.format} picture of 16 bit",
                 file=path,
