@@ -92,6 +92,21 @@ def test_processes_end_with_their_laboratory(stated):
     assert not running() - before
 
 
+def test_processes_of_one_laboratory_run_at_a_time(stated, place, monkeypatch):
+    """Those of the first end where a second forks, and are forked anew for more jobs, with the same numbers."""
+    one, other = Forked(), Forked()
+    jobs = [(stated, k) for k in range(3)]
+    first, second = laboratory(one), laboratory(other)
+    before = first.finding(jobs)
+    monkeypatch.setenv("VISAUG_CACHE", str(place / "second"))
+    np.testing.assert_array_equal(second.finding(jobs), before)
+    assert one._pool is None
+    assert other._pool is not None
+    monkeypatch.setenv("VISAUG_CACHE", str(place / "third"))
+    np.testing.assert_array_equal(first.finding(jobs), before)
+    assert other._pool is None
+
+
 def test_where_a_process_is_killed_threads_go_on(monkeypatch, stated):
     forked, whole = Forked(), laboratory(by_threads())
     lab = laboratory(forked)

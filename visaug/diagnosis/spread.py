@@ -91,8 +91,9 @@ class Forked:
     """The results in the order of the jobs, from processes that are forked for the first ones and wait for more.
 
     Plan and effects are inherited, so that only cameras and results travel. Where effects were loaded since, the processes are
-    forked anew. If one is killed, threads of this process do what is left, and all where not its main thread asks: a server's
-    connections and locks are not to be copied.
+    forked anew; those of another object end when this one forks, as each set of processes has its own memory. If one is
+    killed, threads of this process do what is left, and all where not its main thread asks: a server's connections and locks
+    are not to be copied.
     """
 
     def __init__(self) -> None:
@@ -140,10 +141,19 @@ class Forked:
             for future in waiting:
                 future.cancel()
 
+    def rest(self) -> None:
+        """Ends the processes, whose memory is free then; those of the next jobs are forked anew."""
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
+
     def _forked(self, work: Work) -> ProcessPoolExecutor:
+        global _latest
         if self._pool is None or self._effects != dict(catalogue()):
-            if self._pool is not None:
-                self._pool.shutdown()
+            for other in (_latest and _latest(), self):
+                if other is not None:
+                    other.rest()
+            _latest = weakref.ref(self)
             self._effects = dict(catalogue())
             self._pool = ProcessPoolExecutor(
                 workers(), multiprocessing.get_context("fork"), _begin, (work, os.getpid())
@@ -157,6 +167,7 @@ class Forked:
         return self._pool
 
 
+_latest: weakref.ref[Forked] | None = None  # that has forked
 _work: Work | None = None  # of a forked process
 
 
