@@ -150,9 +150,10 @@ class Forked:
     def _forked(self, work: Work) -> ProcessPoolExecutor:
         global _latest
         if self._pool is None or self._effects != dict(catalogue()):
-            for other in (_latest and _latest(), self):
-                if other is not None:
-                    other.rest()
+            other = None if _latest is None else _latest()
+            if other is not None:
+                other.rest()
+            self.rest()
             _latest = weakref.ref(self)
             self._effects = dict(catalogue())
             self._pool = ProcessPoolExecutor(
