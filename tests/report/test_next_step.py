@@ -72,7 +72,8 @@ def test_what_follows_from_an_answer():
     assert first == "visaug effects new my_effect"
     assert second == "visaug diagnose f --camera c.yaml --effects my_effect.py"
     farther = {**DIAGNOSIS, "error": {**DIAGNOSIS["error"], "after": 4.1, "interval_after": [3.8, 4.4]}}
-    assert after_diagnosis(farther, written).command.startswith("visaug effects new my_effect\n")
+    for doubtful in (farther, {**DIAGNOSIS, "outside": 0.6}):
+        assert after_diagnosis(doubtful, written).command.startswith("visaug effects new my_effect\n")
     assert after_characterization(written).command == "visaug compare f --camera b.yaml"
     assert "augment" in after_characterization(written, of_pictures=True).command
     unwritten = after_characterization(inputs, on_camera=True).command
