@@ -142,7 +142,7 @@ def test_patterns_of_windows_at_two_places_are_not_mixed():
 def test_defects_of_another_place_are_not_marked():
     """Dark frames in one window, bias frames and flats in another of that size: an unsteady pixel of the other.
 
-    Sound pixels stand out by 8 standard deviations less than once in 10^10.
+    The probability that a sound pixel deviates by 8 standard deviations is below 1e-10.
     """
     rng = np.random.default_rng(82)
     places = {"dark": (0, 48, 0, 64), "bias": (32, 80, 40, 104), "flat": (32, 80, 40, 104)}

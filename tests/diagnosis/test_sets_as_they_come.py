@@ -63,7 +63,7 @@ def test_a_copy_counts_once(frames, copied):
     np.testing.assert_array_equal(one.measured, other.measured)
     assert one.p_value == other.p_value
     assert [w for w in other.warnings if w.startswith("duplicate_frames")] == [
-        f"duplicate_frames: frames {len(frames)} are others to the last bit: copies, not exposures, and are left out"
+        f"duplicate_frames: frames {len(frames)} are identical to others to the last bit: copies, not exposures, and are left out"
     ]
 
 

@@ -148,7 +148,7 @@ def liveliest(crop: np.ndarray, rows: int, columns: int) -> tuple[slice, slice]:
 def shown(picture: Picture, window: tuple[slice, slice], bits: int | None = None) -> np.ndarray:
     """A window of the picture as a screen shows it, (H, W, 3) uint8; floating-point light is encoded as sRGB.
 
-    What is no number is black.
+    Missing values (NaN) are shown in black.
     """
     pixels = np.nan_to_num(picture.pixels[window][..., : picture.colours], posinf=np.inf)
     if pixels.dtype.kind == "f":

@@ -7,7 +7,6 @@ from weakref import WeakKeyDictionary
 from visaug.characterization.model_checks import CHECKS
 from visaug.characterization.run import checked
 from visaug.core.errors import InputError
-from visaug.core.wording import first_of
 from visaug.frames import FrameSet
 from visaug.statistics.findings import Findings
 
@@ -36,23 +35,7 @@ def alarms(frames: FrameSet) -> tuple[str, ...]:
     words = tuple(f"{word}:" for check in CHECKS for word in check.words)
     if found is None:
         return ()
-    return (*(w for w in found.warnings if w.startswith(words)), *_left_out(found))
-
-
-def _left_out(found: Findings) -> list[str]:
-    """What `usable` leaves out though it is sound by itself."""
-    said = list(found.apart_because)
-    if found.copies:
-        said.append(
-            f"duplicate_frames: frames {first_of(sorted(found.copies), 8)} are others to the last bit: copies, not exposures, and "
-            "are left out"
-        )
-    if found.coloured:
-        said.append(
-            "mosaic: flats and scenes are left out, since the set states colour filters and a camera model has one quantum "
-            "efficiency for all pixels; `visaug characterize` measures each colour (`planes`)"
-        )
-    return said
+    return (*(w for w in found.warnings if w.startswith(words)), *found.apart_because)
 
 
 def all_warnings(frames: FrameSet) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from visaug.characterization import lossy
 from visaug.characterization.alike import KINDS, floor_dn, merged_groups
 from visaug.characterization.facts import Facts, look, temporal_variances
 from visaug.characterization.views import at_bits, shifted
+from visaug.core.wording import first_of
 from visaug.frames import FrameSet
 from visaug.frames.checks import SATURATED_SHARE
 from visaug.frames.units import celsius
@@ -37,8 +38,7 @@ def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[
     frames = _one_setting(frames, found)
     told = [i for i, r in enumerate(frames.records) if r.combined != 1]
     frames = _leave_out(frames, told, found, "as their headers or the column `combined` say")
-    found.apart = frozenset(every - {r.sequence for r in frames.records})
-    found.apart_because = tuple(found.warnings[said:])
+    found.set_apart(every - {r.sequence for r in frames.records}, *found.warnings[said:])
     facts = look(frames)
     lossy.check(frames, facts, found)
     frames, facts = _aligned(frames, facts, found, told_bits)
@@ -120,7 +120,12 @@ def _without_copies(frames: FrameSet, facts: list[Facts], found: Findings) -> tu
         seen.add(key)
     if len(kept) == len(frames) or 2 * len(kept) < len(frames):
         return frames, facts
-    found.copies = frozenset(r.sequence for i, r in enumerate(frames.records) if i not in set(kept))
+    copies = sorted({r.sequence for r in frames.records} - {frames.records[i].sequence for i in kept})
+    found.set_apart(
+        copies,
+        f"duplicate_frames: frames {first_of(copies, 8)} are identical to others to the last bit: copies, not exposures, and are "
+        "left out",
+    )
     return frames.subset(kept), [facts[i] for i in kept]
 
 

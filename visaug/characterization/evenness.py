@@ -25,9 +25,9 @@ def check(measured: Measured, transfer: PhotonTransferResult, found: Findings) -
     """Warns of gains that differ between parts of the frame or between neighbouring pixels."""
     levels = [transfer.levels[i] for i in transfer.safe]
     place = largest_place(v.flat for v in levels)
-    levels = [v for v in levels if v.flat.place == place and v.signal > 0][-_BRIGHTEST:]
-    if min(levels[0].flat.shape) < _PARTS * _LEAST:
+    if place is None or min(place[0]) < _PARTS * _LEAST:
         return
+    levels = [v for v in levels if v.flat.place == place and v.signal > 0][-_BRIGHTEST:]
     ratio, error = relative_gains(measured.frames, levels, transfer)
     weights = 1 / error**2
     ratio, error = (values / float((ratio * weights).sum() / weights.sum()) for values in (ratio, error))

@@ -11,7 +11,6 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.characterization import additivity, codes, dark, evenness, light, model_checks, still
-from visaug.characterization.alike import merged_groups
 from visaug.characterization.camera_content import CAMERA_KEYS
 from visaug.characterization.conditions import prepared
 from visaug.characterization.emva import emva
@@ -121,16 +120,21 @@ def checked(frames: FrameSet) -> Findings:
     found = Findings()
     ready, facts = prepared(frames, found, frames.told_bits)
     ready, facts = model_checks.screened(ready, facts, found)
-    found.lights = {
-        ready.records[i].sequence: number
-        for number, group in enumerate(merged_groups(ready, facts))
-        if group.kind == "flat"
-        for i in group.indices
-    }
     mosaic = find_mosaic(ready, facts)
     if mosaic is not None and np.ptp(mosaic.response) > PLAIN and any(r.bayer for r in frames.records):
-        found.coloured = frozenset(r.sequence for r in frames.records if r.kind in ("flat", "scene"))
-    measured = model_checks.tested(measure_groups(ready, facts, found.step_dn), found)
+        found.set_apart(
+            (r.sequence for r in frames.records if r.kind in ("flat", "scene")),
+            "mosaic: flats and scenes are left out, since the set states colour filters and a camera model has one quantum "
+            "efficiency for all pixels; `visaug characterize` measures each colour (`planes`)",
+        )
+    measured = measure_groups(ready, facts, found.step_dn)
+    found.lights = {
+        ready.records[i].sequence: number
+        for number, m in enumerate(measured.moments)
+        if m.group.kind == "flat"
+        for i in m.group.indices
+    }
+    measured = model_checks.tested(measured, found)
     _measure(found, measured, None, 0, mosaic)
     return found
 

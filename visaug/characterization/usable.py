@@ -51,7 +51,7 @@ def _explained(frames: FrameSet, resolution: Sequence[int]) -> FrameSet:
         made = _without_lines(_lit(made, found, tuple(resolution)), found)
     if not found.has_one_light:
         made = made.with_records([replace(r, photons=None) for r in made.records])
-    out = found.banded | found.apart | found.copies | found.coloured
+    out = found.banded | found.apart
     kept = [i for i, r in enumerate(made.records) if r.sequence not in out]
     if 0 < len(kept) < len(made):
         made = made.subset(kept)

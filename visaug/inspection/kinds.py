@@ -10,7 +10,7 @@ from visaug.statistics.reduction import block_means, edges
 
 
 def kinds_of(frames: FrameSet, shift: int = 0) -> tuple[list[str], str]:
-    """The kind of each frame, whose values are moved up by `shift` bits, and by what it was told."""
+    """The kind of each frame, and the sources that told it. Pixel values are shifted left by `shift` bits."""
     told = [None if r.kind == "image" else r.kind for r in frames.records]
     named = named_kinds(frames.records)
     kinds = [kind or name for kind, name in zip(told, named, strict=True)]

@@ -148,9 +148,8 @@ def after_diagnosis(content: Mapping[str, Any], inputs: Inputs) -> NextStep:
         return NextStep(f"Next: train with this camera. {PICTURES}", inputs.augmenting(inputs.camera))
     interval = content["error"]["interval_after"]
     is_farther = interval is not None and interval[0] > 1  # from the frames than the file as it was given
-    is_outside = (
-        content.get("outside") or 0.0
-    ) > 0.5  # a cause that the catalogue lacks is likelier than what is named
+    # a cause that the catalogue lacks is likelier than what is named
+    is_outside = (content.get("outside") or 0.0) > 0.5
     if (content["unexplained"] and not content["accepted"]) or is_farther or is_outside:
         again = inputs.measuring("diagnose", None, "--effects", "my_effect.py")
         return NextStep(

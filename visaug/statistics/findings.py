@@ -76,13 +76,10 @@ class Findings:
     banded: frozenset[int] = frozenset()  # sequence numbers of flats in which bands of a lamp roll
     apart: frozenset[int] = (
         frozenset()
-    )  # sequence numbers of frames of other settings, or averaged, by what the set states
-    apart_because: tuple[str, ...] = ()  # the warnings that say so
-    copies: frozenset[int] = frozenset()  # sequence numbers of frames that are others to the last bit
-    coloured: frozenset[int] = frozenset()  # of flats and scenes behind colour filters that the set states
-    lights: dict[int, int] = field(
-        default_factory=dict
-    )  # number of the light of each flat, by sequence number
+    )  # sequence numbers of sound frames that no model of the camera describes
+    apart_because: tuple[str, ...] = ()  # the warnings that say why
+    # number of the light of each flat, by sequence number
+    lights: dict[int, int] = field(default_factory=dict)
     has_one_light: bool = True  # False where all flats state the same photons and their levels differ
     step_dn: float = 1.0  # distance of neighbouring codes
 
@@ -103,6 +100,11 @@ class Findings:
         self.open.pop(name, None)
         high = max(min(high, most), value)
         self.parameters[name] = Estimate(value, min(low, value), high, unit, source, assumes)
+
+    def set_apart(self, sequences: Iterable[int], *because: str) -> None:
+        """Frames that are not compared with a camera, by their sequence numbers, and the warnings that say why."""
+        self.apart |= frozenset(sequences)
+        self.apart_because += because
 
     def miss(self, name: str, needs: str) -> None:
         if name not in self.parameters:

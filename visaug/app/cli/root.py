@@ -49,9 +49,8 @@ def main(arguments: list[str] | None = None) -> None:
     # the error of a damaged file is one line, without the library's own
     logging.getLogger("tifffile").addHandler(logging.NullHandler())
     if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
-        sys.stdout.reconfigure(
-            errors="backslashreplace"
-        )  # a file's name may be no text of the terminal's encoding
+        # the terminal's encoding may not have the characters of a file's name
+        sys.stdout.reconfigure(errors="backslashreplace")
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, _terminate)
     try:

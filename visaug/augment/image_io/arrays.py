@@ -33,9 +33,8 @@ def write_npy(path: Path, picture: Picture) -> None:
     flat = picture.extras.get("axes") == 2
     pixels = picture.pixels[..., 0] if flat else picture.pixels
     with open(path, "wb") as handle:
-        np.save(
-            handle, pixels.astype(picture.extras.get("dtype", pixels.dtype), copy=False)
-        )  # in its byte order
+        # in the byte order of the original
+        np.save(handle, pixels.astype(picture.extras.get("dtype", pixels.dtype), copy=False))
 
 
 def read_exr(path: Path) -> Picture:

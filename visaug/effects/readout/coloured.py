@@ -65,9 +65,8 @@ def _amplitudes_of_part(exponent: Tensor, count: int, period: int) -> Tensor:
     power = torch.cat([power[..., :-1], power[..., -1:] / 2], -1)  # the highest frequency has no phase
     there = torch.fft.irfft(torch.nn.functional.pad(power, (1, 0)), norm="forward")[..., : count + 1]
     power = torch.fft.rfft(torch.cat([there, there[..., 1:-1].flip(-1)], -1), norm="forward").real
-    half = torch.cat(
-        [power[..., :1], power[..., 1:-1] / 2, power[..., -1:]], -1
-    )  # of those with a phase each part has half
+    # the real and the imaginary part of a frequency with a phase have half of its power each
+    half = torch.cat([power[..., :1], power[..., 1:-1] / 2, power[..., -1:]], -1)
     return half.clamp_min(LEAST).sqrt().float()
 
 
