@@ -87,7 +87,7 @@ def take(
         bgr: three channels of light are blue, green and red.
         alpha: the last of 2 or 4 channels is alpha, whatever the noise's option `mono`.
     """
-    check_pixels(images.shape[1:], images.shape)
+    check_pixels(images.shape)
     colours = light_channels(images.shape[1], noise.mono, alpha)
     if bgr and colours == 3:
         turned = torch.cat([images[:, :3].flip(1), images[:, 3:]], 1)

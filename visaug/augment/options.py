@@ -158,13 +158,13 @@ def check_images(images: Any) -> Tensor:
         raise InputError(
             f"has shape {shape}, channels last", field="images", expected="(B, C, H, W): permute(0, 3, 1, 2)"
         )
-    check_pixels(shape[1:], shape)
+    check_pixels(shape)
     return images
 
 
-def check_pixels(sizes: Sequence[int], shape: Sequence[int]) -> None:
-    """Raises InputError where one of the sizes of an image, or of a batch of this shape, is 0."""
-    if 0 in sizes:
+def check_pixels(shape: Sequence[int]) -> None:
+    """Raises InputError where images of a shape (..., C, H, W), or (H, W), have no pixels."""
+    if 0 in shape[-3:]:
         raise InputError(f"has shape {tuple(shape)}, no pixels", field="images", expected="one pixel or more")
 
 

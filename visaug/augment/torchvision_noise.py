@@ -72,7 +72,7 @@ class TorchvisionNoise(v2.Transform):
     def transform(self, inpt: Any, params: dict[str, Any]) -> Any:
         is_pil = isinstance(inpt, PIL.Image.Image)
         images = to_tensor(inpt) if is_pil else inpt.as_subclass(Tensor)
-        check_pixels(images.shape[-3:], images.shape)
+        check_pixels(images.shape)
         if images.numel() == 0:  # a batch of none, or a video without frames
             return inpt
         planes = images[None] if images.ndim == 2 else images
