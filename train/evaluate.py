@@ -20,20 +20,14 @@ from visaug_train.metrics import (
     keypoint_similarity,
 )
 from visaug_train.pose import FLOORED_DOMAINS, estimate_pose, pose_errors, spec_score
-from visaug_train.poses import Pose
+from visaug_train.predictions import Pose
 from visaug_train.speed import PoseSet
 
 # A target without a pose counts as one wholly wrong, and no pose counts for more: silence is never better than an answer,
 # nor worse than a wild one. Kelvins has no such limit; it is left out in the score of the answered images.
 NO_POSE = (1.0, 180.0)
-POSE_ERRORS = (
-    "position_error",
-    "position_error_m",
-    "attitude_error_deg",
-    "spec_score",
-    "spec_score_floored",
-    "spec_score_unfloored",
-)
+ERRORS = ("position_error", "position_error_m", "attitude_error_deg")
+SPEC_SCORES = ("spec_score", "spec_score_floored", "spec_score_unfloored")
 ANSWERED = ("position_error", "attitude_error_deg", "spec_score")
 
 
@@ -72,12 +66,10 @@ class Evaluation:
         def precision(name: str) -> float | None:
             return self.precision[name].average(weights) if name in self.precision else None
 
-        errors = {name: mean(name) for name in POSE_ERRORS}
-        errors |= {
-            f"{name}_median": weighted_median(self.table[name], weights)
-            for name in POSE_ERRORS
-            if "error" in name and name in self.table
-        }
+        errors = {name: mean(name) for name in (*ERRORS, *SPEC_SCORES)}
+        known = [name for name in ERRORS if name in self.table]
+        errors |= {f"{name}_median": weighted_median(self.table[name], weights) for name in known}
+        answered = self.found and self.table["pose_found"].any()
         return {
             "images": len(self.poses),
             "iou": mean("iou"),
@@ -86,23 +78,14 @@ class Evaluation:
             "keypoint_ap50_95": {name: precision(name) for name in DEFINITIONS},
             **errors,
             "poses_found": mean("pose_found"),
-            "answered": {
-                name: mean(f"answered_{name}") if self.found and self.table["pose_found"].any() else None
-                for name in ANSWERED
-            },
+            "answered": {name: mean(f"answered_{name}") if answered else None for name in ANSWERED},
         }
-
-    def __repr__(self) -> str:
-        s = self.summary()
-        return f"Evaluation({self.domain}, {s['images']} images, keypoint AP {s['keypoint_ap50_95']})"
 
     def write_csv(self, path: str | Path) -> None:
         """One line per image."""
-        columns = list(self.table)
-        lines = [",".join(["file", *columns])]
-        for i, name in enumerate(self.poses.ids):
-            lines.append(",".join([name, *(f"{self.table[c][i]:.6g}" for c in columns)]))
-        write_text(path, "\n".join(lines) + "\n")
+        rows = zip(self.poses.ids, *self.table.values())
+        lines = [["file", *self.table], *([name, *(f"{v:.6g}" for v in values)] for name, *values in rows)]
+        write_text(path, "".join(",".join(line) + "\n" for line in lines))
 
     def worst_first(self) -> np.ndarray:
         """Indices of the images from the lowest OKS (the paper's) to the highest; ties by IoU."""
@@ -126,48 +109,50 @@ def evaluate_poses(poses: PoseSet, keypoints: Keypoints, found: list[Pose | None
     if not poses.posed:
         raise InputError(f"{poses.name} has no poses, so there is nothing to score")
     targets = poses.targets(keypoints)
-    rows = [_pose_row(i, pose, poses, bool(targets.seen[i])) for i, pose in enumerate(found)]
-    return Evaluation(poses.domain, poses, targets, [], _columns(rows), {}, found)
-
-
-def _columns(rows: list[dict[str, float]]) -> dict[str, np.ndarray]:
-    return {column: np.array([row[column] for row in rows]) for column in rows[0]}
+    return Evaluation(poses.domain, poses, targets, [], _of_poses(found, poses, targets.seen), {}, found)
 
 
 def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list[Detections]) -> Evaluation:
     """Score detections, one entry per image of `poses`."""
     targets = poses.targets(keypoints)
-    similarities: dict[str, list[np.ndarray]] = {name: [] for name in ("box", *DEFINITIONS)}
-    rows: list[dict[str, float]] = []
-    found: list[Pose | None] = []
-    for i, each in enumerate(detections):
-        box, points, inside = targets.boxes[i], targets.points[i], targets.inside[i]
-        similarities["box"].append(box_iou(each.boxes, box))
-        for name in DEFINITIONS:
-            similarities[name].append(
-                keypoint_similarity(each.points, points, inside, box, name, keypoints.sigmas)
-            )
-        latest = {name: values[-1] for name, values in similarities.items()}
-        row = _row(i, each, latest, targets, poses)
-        if poses.posed:
-            found.append(pose_of(each, keypoints, poses))
-            row |= _pose_row(i, found[-1], poses, bool(targets.seen[i]))
-        rows.append(row)
-    table = _columns(rows)
+    shown = list(zip(detections, targets.boxes, targets.points, targets.inside))
+    similarities = {"box": [box_iou(each.boxes, box) for each, box, *_ in shown]}
+    for name in DEFINITIONS:
+        similarities[name] = [
+            keypoint_similarity(each.points, points, inside, box, name, keypoints.sigmas)
+            for each, box, points, inside in shown
+        ]
+    scores = [each.scores for each in detections]
+    visible = np.asarray(targets.inside.any(axis=1))
+
+    def likeliest(values: list[np.ndarray]) -> np.ndarray:
+        """Of each image, that of the likeliest detection; 0 where there is none."""
+        return np.array([v[np.argmax(score)] if len(score) else 0.0 for v, score in zip(values, scores)])
+
+    table = {
+        "iou": np.where(targets.seen, likeliest(similarities["box"]), np.nan),
+        "oks_paper": np.where(visible, likeliest(similarities["paper"]), np.nan),
+        "oks_coco": np.where(visible, likeliest(similarities["coco"]), np.nan),
+        "score": likeliest(scores),
+        "distance_m": np.linalg.norm(poses.translations, axis=1),
+        "aspect_deg": _aspect_deg(poses),
+        "brightness": np.array(
+            [_brightness(*each) for each in zip(poses.files, targets.boxes, targets.seen)]
+        ),
+    }
+    found = [pose_of(each, keypoints, poses) for each in detections] if poses.posed else []
+    if poses.posed:
+        table |= _of_poses(found, poses, targets.seen)
     if not all(np.isfinite(each.boxes).all() for each in detections):
         del similarities["box"], table["iou"]
-    scores = [each.scores for each in detections]
-    unseen = np.asarray(~targets.inside.any(axis=1))
-    precision = {
-        name: PrecisionTable(
-            scores,
-            values,
-            targets.seen,
-            np.zeros(len(poses), bool) if name == "box" else unseen,
-            BOXES_PER_IMAGE if name == "box" else KEYPOINT_SETS_PER_IMAGE,
+    precision = {}
+    for name, values in similarities.items():
+        ignored, most = (
+            (np.zeros(len(poses), bool), BOXES_PER_IMAGE)
+            if name == "box"
+            else (~visible, KEYPOINT_SETS_PER_IMAGE)
         )
-        for name, values in similarities.items()
-    }
+        precision[name] = PrecisionTable(scores, values, targets.seen, ignored, most)
     return Evaluation(domain, poses, targets, detections, table, precision, found)
 
 
@@ -179,63 +164,38 @@ def pose_of(each: Detections, keypoints: Keypoints, poses: PoseSet) -> Pose | No
     return estimate_pose(each.points[best], each.point_scores[best], keypoints.points_m, poses.camera)
 
 
-def _pose_row(i: int, pose: Pose | None, poses: PoseSet, seen: bool) -> dict[str, float]:
-    true = poses.quaternions[i], poses.translations[i]
-    exact = NO_POSE if pose is None else pose_errors(*pose, *true)
-    if not seen:
-        exact = float("nan"), float("nan")
-    position, attitude_deg = np.minimum(exact, NO_POSE)  # NaN stays
+def _of_poses(found: list[Pose | None], poses: PoseSet, seen: np.ndarray) -> dict[str, np.ndarray]:
+    """Columns of poses."""
+    answered = np.array([pose is not None for pose in found])
+    given = np.array([np.full(7, np.nan) if pose is None else np.concatenate(pose) for pose in found])
+    exact = pose_errors(given[:, :4], given[:, 4:], poses.quaternions, poses.translations)
+    exact = np.where(seen, exact, np.nan)
+    limited = np.where(
+        answered, np.minimum(exact.T, NO_POSE).T, np.where(seen, np.array([NO_POSE]).T, np.nan)
+    )
     floors = poses.domain in FLOORED_DOMAINS
-
-    def spec(position: float, attitude_deg: float, floors: bool) -> float:
-        return float(spec_score(np.array(position), np.array(attitude_deg), floors))
-
-    answered = {
-        "position_error": exact[0],
-        "attitude_error_deg": exact[1],
-        "spec_score": spec(*exact, floors),
-    }
+    without_limit = (*exact, spec_score(*exact, floors))
     return {
-        "pose_found": float(pose is not None),
-        "position_error": float(position),
-        "position_error_m": float(position) * float(np.linalg.norm(true[1])),
-        "attitude_error_deg": float(attitude_deg),
-        "spec_score": spec(position, attitude_deg, floors),
-        "spec_score_floored": spec(position, attitude_deg, True),
-        "spec_score_unfloored": spec(position, attitude_deg, False),
-        **{f"answered_{name}": answered[name] if pose is not None else float("nan") for name in ANSWERED},
+        "pose_found": answered.astype(float),
+        "position_error": limited[0],
+        "position_error_m": limited[0] * np.linalg.norm(poses.translations, axis=1),
+        "attitude_error_deg": limited[1],
+        "spec_score": spec_score(*limited, floors),
+        "spec_score_floored": spec_score(*limited, True),
+        "spec_score_unfloored": spec_score(*limited, False),
+        **{f"answered_{name}": values for name, values in zip(ANSWERED, without_limit)},
     }
 
 
-def _row(
-    i: int, each: Detections, similarity: dict[str, np.ndarray], targets: Targets, poses: PoseSet
-) -> dict[str, float]:
-    best = int(np.argmax(each.scores)) if len(each) else None
-    seen, visible = bool(targets.seen[i]), bool(targets.inside[i].any())
-
-    def of(name: str, counts: bool) -> float:
-        return float("nan") if not counts else 0.0 if best is None else float(similarity[name][best])
-
-    return {
-        "iou": of("box", seen),
-        "oks_paper": of("paper", visible),
-        "oks_coco": of("coco", visible),
-        "score": 0.0 if best is None else float(each.scores[best]),
-        "distance_m": float(np.linalg.norm(poses.translations[i])),
-        "aspect_deg": _aspect_deg(poses, i),
-        "brightness": _brightness(poses.files[i], targets.boxes[i]) if seen else float("nan"),
-    }
-
-
-def _aspect_deg(poses: PoseSet, i: int) -> float:
+def _aspect_deg(poses: PoseSet) -> np.ndarray:
     """The angle between the line of sight and the body's z axis."""
-    sight = poses.translations[i] / np.linalg.norm(poses.translations[i])
-    axis = rotation_matrix(poses.quaternions[i])[:, 2]
-    return float(np.degrees(np.arccos(np.clip(-sight @ axis, -1, 1))))
+    sight = poses.translations / np.linalg.norm(poses.translations, axis=1, keepdims=True)
+    cosine = -(sight * rotation_matrix(poses.quaternions)[:, :, 2]).sum(axis=1)
+    return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
 
 
-def _brightness(file: Path, box: np.ndarray) -> float:
-    image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
+def _brightness(file: Path, box: np.ndarray, seen: bool) -> float:
+    image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) if seen else None
     if image is None:
         return float("nan")
     x0, y0, x1, y1 = (int(v) for v in box)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from visaug.core.documents import read_json, read_yaml
@@ -81,43 +82,28 @@ class Pinhole:
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """Points (..., 3) in the camera's frame, metres -> pixels (..., 2). Behind the camera: NaN."""
-        z = np.where(points[..., 2] > 1e-9, points[..., 2], np.nan)
-        plane = distort(points[..., :2] / z[..., None], self.distortion)
-        return plane @ self.matrix[:2, :2].T + self.matrix[:2, 2]
+        before = points[..., 2:] > 1e-9
+        flat = np.where(before, points, (0.0, 0.0, 1.0)).reshape(-1, 3)
+        if not len(flat):
+            return np.zeros((*points.shape[:-1], 2))
+        pixels = cv2.projectPoints(flat, np.zeros(3), np.zeros(3), self.matrix, self.distortion)[0]
+        return np.where(before, pixels.reshape(*points.shape[:-1], 2), np.nan)
 
     def rays(self, pixels: np.ndarray) -> np.ndarray:
         """Pixels (..., 2) -> directions (..., 3) with z = 1 that `project` maps to them."""
         distorted = (pixels - self.matrix[:2, 2]) @ np.linalg.inv(self.matrix[:2, :2]).T
-        plane = distorted.copy()
+        rays = np.concatenate([distorted, np.ones_like(pixels[..., :1])], axis=-1)
+        plain = Pinhole(self.width, self.height, np.eye(3), self.distortion)
         for _ in range(20):  # a fixed point; contracts fast for the mild distortion of such lenses
-            plane = plane + distorted - distort(plane, self.distortion)
-        return np.concatenate([plane, np.ones_like(plane[..., :1])], axis=-1)
-
-
-def distort(plane: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-    """OpenCV's radial and tangential distortion of normalised coordinates (..., 2)."""
-    k1, k2, p1, p2, k3 = coefficients
-    x, y = plane[..., 0], plane[..., 1]
-    r2 = x * x + y * y
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    return np.stack(
-        [
-            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
-            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
-        ],
-        axis=-1,
-    )
+            rays[..., :2] += distorted - plain.project(rays)
+        return rays
 
 
 def rotation_matrix(quaternions: np.ndarray) -> np.ndarray:
     """Quaternions (..., 4), scalar first -> matrices R (..., 3, 3) with p_camera = R p_body + r."""
-    w, x, y, z = np.moveaxis(quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True), -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    unit = quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    across = np.cross(np.eye(3), unit[..., None, 1:])  # times p: the vector product of the vector part and p
+    return np.eye(3) + 2 * unit[..., :1, None] * across + 2 * across @ across
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,12 +216,17 @@ def _number(content: dict, key: str, path: Path) -> float:
     return value
 
 
+def numbers_in(value: Any) -> np.ndarray:
+    """A value of a file as numbers; a single NaN where it is anything else."""
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        return np.array(np.nan)
+
+
 def finite_array(value: Any, shape: tuple[int, ...], where: str) -> np.ndarray:
     """A value of a file as finite numbers of a shape; refused, with `where` it stands, if it is anything else."""
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        array = np.array(np.nan)
+    array = numbers_in(value)
     if array.shape != shape or not np.isfinite(array).all():
         raise InputError(f"{where}: expected {' x '.join(map(str, shape)) or 1} finite numbers")
     return array

@@ -72,15 +72,17 @@ def estimate_pose(
 
 
 def pose_errors(
-    quaternion: np.ndarray, translation: np.ndarray, true_quaternion: np.ndarray, true_translation: np.ndarray
-) -> tuple[float, float]:
-    """e_t = |dr| / |r|, a fraction, and e_q = 2 arccos|<q, q'>| in degrees."""
-    position = float(np.linalg.norm(translation - true_translation) / np.linalg.norm(true_translation))
-    same = abs(float(quaternion @ true_quaternion))
-    opposite = float(np.linalg.norm(quaternion - np.sign(quaternion @ true_quaternion) * true_quaternion))
-    # arccos loses all digits near 1; the chord between the quaternions does not.
-    angle = 2 * np.arccos(min(same, 1.0)) if same < 0.99 else 4 * np.arcsin(min(opposite / 2, 1.0))
-    return position, float(np.degrees(angle))
+    quaternions: np.ndarray,
+    translations: np.ndarray,
+    true_quaternions: np.ndarray,
+    true_translations: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """e_t = |dr| / |r|, a fraction, and e_q = 2 arccos|<q, q'>| in degrees; unit quaternions (..., 4), translations (..., 3)."""
+    off = np.linalg.norm(translations - true_translations, axis=-1)
+    # arccos loses all digits near 1; the chords to q' and to -q', which is the same attitude, do not.
+    chords = [np.linalg.norm(quaternions + sign * true_quaternions, axis=-1) for sign in (-1, 1)]
+    angle = 4 * np.arctan2(np.minimum(*chords), np.maximum(*chords))
+    return off / np.linalg.norm(true_translations, axis=-1), np.degrees(angle)
 
 
 def spec_score(position: np.ndarray, attitude_deg: np.ndarray, floors: bool = True) -> np.ndarray:

@@ -1,10 +1,14 @@
-"""Predictions in a file, in COCO's results format; and a network's own.
+"""Predictions in files: COCO's results, poses as the Kelvins competition takes them, and a network's own.
 
-A record names its image by `file_name`, or by `image_id`: a name, or a number where COCO's annotations file says which
-image that is.
+A record of COCO's results names its image by `file_name`, or by `image_id`: a name, or a number where COCO's annotations file
+says which image that is. A line of a CSV of poses is file, q1..q4 (scalar first), r1..r3 (metres), without a head.
 """
 
-from pathlib import Path
+import csv
+import io
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 import cv2
@@ -12,13 +16,81 @@ import numpy as np
 
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
-from visaug.core.files import write_json
+from visaug.core.files import write_json, write_text
 from visaug.core.progress import Progress
-from visaug_train.image_names import ImageNames
+from visaug_train.datasets import names_of
+from visaug_train.geometry import numbers_in
 from visaug_train.metrics import Detections
 from visaug_train.quiet import quiet_ultralytics
+from visaug_train.readings import Say, pose_readings, which_block
 from visaug_train.reduction import fitting, read_image, reduced
 from visaug_train.speed import PoseSet
+
+Pose = tuple[np.ndarray, np.ndarray]  # quaternion (4), scalar first, and translation (3) in metres
+LINE = "file, q1, q2, q3, q4, r1, r2, r3"
+
+
+class ImageNames:
+    """Names of the images of a set, as networks write them: with or without folders and suffix, `/` or `\\` between.
+
+    Args:
+        poses: the set.
+        elsewhere: names of the images of the folder's other domains and splits, by domain/split. A file of predictions
+            may hold these too.
+    """
+
+    def __init__(self, poses: PoseSet, elsewhere: Mapping[str, Collection[str]] | None = None) -> None:
+        self.poses = poses
+        self.domains = {poses.domain, *(name.split("/")[0] for name in elsewhere or {})}
+        self.others = {name for names in (elsewhere or {}).values() for name in names}
+        self.others |= {Path(name).stem for name in self.others}
+        self.names = {name: i for i, name in enumerate(poses.ids)}
+        # folders that a name must have
+        self.depth = len(PureWindowsPath(poses.ids[0]).parts) if poses.ids else 1
+        stems = Counter(map(_stem, poses.ids))
+        self.names |= {_stem(name): i for i, name in enumerate(poses.ids) if stems[_stem(name)] == 1}
+        # as `convert` names its copies
+        self.names |= {name.replace("/", "-"): i for i, name in enumerate(poses.ids)}
+
+    def find(self, text: object, file: Path, field: str) -> int | None:
+        """The image's number; None for an image of another domain or split of the folder.
+
+        Raises:
+            InputError: no image of the folder has this name; it names `file` and `field`.
+        """
+        path = PureWindowsPath(text.strip() if isinstance(text, str) else "")
+        folders = [part for part in path.parts[:-1] if part in self.domains] or [self.poses.domain]
+        whole = "/".join(path.parts[-self.depth :])
+        for name in dict.fromkeys((whole, _stem(whole), path.name, path.stem)):
+            if name in self.names and (name not in self.others or folders[-1] == self.poses.domain):
+                return self.names[name]
+            if name in self.others:
+                return None
+        raise InputError(
+            f"{text!r} is no image of {self.poses.name}",
+            file=file,
+            field=field,
+            expected=f"a name such as {self.poses.ids[0]}",
+        )
+
+    def none_found(self, file: Path) -> InputError:
+        """What to raise for a file whose images are all of other domains."""
+        return InputError(
+            f"names no image of {self.poses.name}", file=file, expected=f"images such as {self.poses.ids[0]}"
+        )
+
+
+def _stem(name: str) -> str:
+    """The name without its suffix, folders kept."""
+    folders, slash, file = name.rpartition("/")
+    return folders + slash + Path(file).stem
+
+
+def names_elsewhere(root: str | Path, poses: PoseSet) -> dict[str, set[str]]:
+    """Names of the images of all other domains and splits of a folder, by domain/split."""
+    own = {file.name for file in poses.files}  # splits of the same list share them
+    found = {n: f - own if n.split("/")[0] == poses.domain else f for n, f in names_of(root).items()}
+    return {name: files for name, files in found.items() if files and name != poses.name}
 
 
 def load_predictions(
@@ -55,18 +127,16 @@ def load_predictions(
             raise InputError(
                 "is not an object", file=path, field=field, expected="file_name, bbox, keypoints and score"
             )
-        name = record.get("file_name")
-        if name is None and isinstance(record.get("image_id"), str) and not files:
-            name = record["image_id"]  # as AlphaPose and ultralytics write it
-        if name is None and files:
-            name = files.get(record.get("image_id"))
-            if name is None:
-                raise InputError(
-                    f"{record.get('image_id')!r} is no image of the annotations file",
-                    file=path,
-                    field=f"{field}.image_id",
-                    expected=f"an id of {images}",
-                )
+        name, key = record.get("file_name"), record.get("image_id")
+        if name is None and files and key not in files:
+            raise InputError(
+                f"{key!r} is no image of the annotations file",
+                file=path,
+                field=f"{field}.image_id",
+                expected=f"an id of {images}",
+            )
+        if name is None:  # a name, as AlphaPose and ultralytics write it, or a number
+            name = files[key] if files else key if isinstance(key, str) else None
         if name is None:
             raise InputError(
                 "is missing",
@@ -188,10 +258,7 @@ def predict(
 
 def _numbers(record: dict, key: str, count: int, path: Path, field: str) -> np.ndarray:
     """`count` finite numbers; 0 means a single one."""
-    try:
-        array = np.array(record.get(key), dtype=float)
-    except (TypeError, ValueError):
-        array = np.array(np.nan)
+    array = numbers_in(record.get(key))
     if array.shape != ((count,) if count else ()) or not np.isfinite(array).all():
         expected = f"{count} finite numbers" if count else "a finite number"
         if key == "keypoints":
@@ -210,3 +277,100 @@ def _stack(found: list[tuple[np.ndarray, np.ndarray, float]], keypoints: int) ->
     points = np.stack([points for _, points, _ in found])
     boxes[:, 2:] += boxes[:, :2]
     return Detections(boxes, points[..., :2], points[..., 2], np.array([score for _, _, score in found]))
+
+
+def save_poses(path: str | Path, poses: PoseSet, found: Sequence[Pose | None]) -> None:
+    """One line per image for which a pose was found."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    for name, pose in zip(poses.ids, found):
+        if pose is not None:
+            writer.writerow([name, *(f"{value:.9g}" for part in pose for value in part)])
+    write_text(path, buffer.getvalue())
+
+
+def save_submission(path: str | Path, poses: PoseSet, found: Sequence[Pose | None]) -> int:
+    """A line for every image, as Kelvins wants it; returns how many have no pose of their own.
+
+    These get the median of the positions that were found, and no rotation.
+    """
+    known = [pose for pose in found if pose is not None]
+    if not known:
+        raise InputError("no pose was found", file=path, expected="predictions with four keypoints an image")
+    default = np.array([1.0, 0, 0, 0]), np.median([translation for _, translation in known], axis=0)
+    save_poses(path, poses, [pose or default for pose in found])
+    return len(found) - len(known)
+
+
+def load_poses(
+    path: str | Path, poses: PoseSet, names: ImageNames | None = None, say: Say = lambda _: None
+) -> list[Pose | None]:
+    """The pose of each image of `poses`; None for an image that the file does not name. A head is passed over.
+
+    Args:
+        path: the CSV. It may hold other domains too, even under the same names, as a submission does.
+        poses: the images.
+        names: which image a name means; those of `poses` alone where left out.
+        say: told of every convention but Kelvins' own that was recognised.
+    """
+    path = Path(path)
+    names = names or ImageNames(poses)
+    blocks: list[np.ndarray] = []
+    foreign, repeated = [0], ("", "")
+    for number, row in enumerate(_rows(path)):
+        where = f"pose {number}"
+        if len(row) != 8 or not all(map(_is_number, row[1:])):
+            raise InputError(f"holds {','.join(row)[:60]!r}", file=path, field=where, expected=LINE)
+        index = names.find(row[0], path, where)
+        values = np.array(row[1:], dtype=float)
+        length = float(np.linalg.norm(values[:4]))
+        if abs(length - 1) > 1e-2:
+            problem = f"the quaternion has length {length:.4g}"
+            raise InputError(problem, file=path, field=where, expected="a unit quaternion")
+        if index is None:
+            foreign[-1] += 1
+            continue
+        if not blocks or np.isfinite(blocks[-1][index]).all():
+            if blocks:
+                foreign.append(0)
+                repeated = row[0], where
+            blocks.append(np.full((len(poses), 7), np.nan))
+        blocks[-1][index] = np.concatenate([values[:4] / length, values[4:]])
+    if not blocks:
+        raise names.none_found(path)
+    chosen = 0
+    if len(blocks) > 1:
+        found = which_block(blocks, foreign, poses)
+        if found is None:
+            raise InputError(
+                f"{repeated[0]} comes twice",
+                file=path,
+                field=repeated[1],
+                expected=f"one pose an image, or the domain before its name: {poses.domain}/{poses.files[0].name}",
+            )
+        chosen = found
+        say(f"of {len(blocks)} poses under the same names, number {chosen + 1} was taken for {poses.domain}")
+    quaternions, translations = pose_readings(blocks[chosen][:, :4], blocks[chosen][:, 4:], poses, say)
+    return [(q, r) if np.isfinite(q).all() else None for q, r in zip(quaternions, translations)]
+
+
+def _rows(path: Path) -> list[list[str]]:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = [row for row in csv.reader(file) if row]
+    except FileNotFoundError:
+        raise InputError("no such file", file=path, expected=f"a CSV with {LINE}") from None
+    except (UnicodeDecodeError, csv.Error):
+        raise InputError("is no CSV text", file=path, expected=LINE) from None
+    if rows and not _is_number(rows[0][-1]):
+        rows = rows[1:]
+    if not rows:
+        raise InputError("holds no poses", file=path, expected=LINE)
+    return rows
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return bool(np.isfinite(float(text)))
+    except ValueError:
+        return False

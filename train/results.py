@@ -13,7 +13,7 @@ from visaug.core.wording import counted
 from visaug_train import tables
 from visaug_train.config import Config
 from visaug_train.evaluate import Evaluation
-from visaug_train.poses import save_poses
+from visaug_train.predictions import save_poses
 from visaug_train.published import TABLES_2_3, WHICH_OKS
 from visaug_train.record import COMPARED
 from visaug_train.scoring import other_weights

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from visaug.core.errors import InputError
 from visaug_train.archive import prepare_archive, prepare_dataset
+from visaug_train.commands import evaluate_predictions
 from visaug_train.convert import convert
 from visaug_train.datasets import domains, keypoints_of, read_poses
-from visaug_train.external import evaluate_predictions
 
 K = np.array([[300.0, 0, 80], [0, 310.0, 50], [0, 0, 1]])
 SIZE = (160, 100)

@@ -11,8 +11,7 @@ from visaug_train.commands import evaluate_predictions
 from visaug_train.evaluate import weighted_median
 from visaug_train.geometry import Keypoints, project_targets
 from visaug_train.metrics import Detections
-from visaug_train.poses import load_poses, save_poses
-from visaug_train.predictions import save_predictions
+from visaug_train.predictions import load_poses, save_poses, save_predictions
 from visaug_train.speed import read_poses
 
 TURN_DEG, STEP = 0.12, 0.0015  # below SPEC's floors of 0.169 deg and 2.173 mm/m

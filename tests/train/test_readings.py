@@ -10,7 +10,7 @@ import yaml
 from visaug.core.errors import InputError
 from visaug_train.commands import evaluate_predictions
 from visaug_train.geometry import Keypoints, project_targets
-from visaug_train.image_names import ImageNames, names_elsewhere
+from visaug_train.predictions import ImageNames, names_elsewhere
 from visaug_train.readings import which_block
 from visaug_train.speed import read_poses
 
