@@ -4,10 +4,11 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator
 
-from visaug_train.batch_noise import GaussianBlur, GaussianNoise
-from visaug_train.rivals import (
+from visaug_train.batch_noise import (
     BrightnessContrast,
     Corruptions,
+    GaussianBlur,
+    GaussianNoise,
     IsoNoise,
     RandConv,
     RandomErase,

@@ -2,34 +2,32 @@
 
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
 from visaug.augment.sensor_noise import SensorNoise
-from visaug.camera import Camera
+from visaug.camera import Camera, draw
+from visaug.camera.scale import gain_of, white_dn
 from visaug.camera.spec import check_spec
 from visaug.core.errors import InputError
 from visaug_train.arms import Arm, Vis, White
-from visaug_train.batch_noise import (
-    AugmentationModule,
-    BatchAugmentation,
-    WhiteSensorNoise,
-    WhiteTwin,
-    chosen,
-    uniform,
-)
+from visaug_train.batch_noise import AugmentationModule, BatchAugmentation, add_white, chosen
+
+# of `visaug.VISNoise`, given as an arm's `vis` has them
+OPTIONS = {"resolution", "fixed_pattern", "transfer", "black_level"}
+OPTIONS |= {"gain_db", "exposure", "strength", "full_scale_photons"}
 
 
 def batch_noise(arm: Arm) -> nn.Module:
     """All steps of an arm, in their order."""
-    steps = [step for _, step in arm if isinstance(step, BatchAugmentation | Vis)]
-    return nn.Sequential(*map(_module, steps))
+    return nn.Sequential(*(_module(step) for _, step in arm if isinstance(step, BatchAugmentation | Vis)))
 
 
 def _module(step: BatchAugmentation | Vis) -> nn.Module:
-    if isinstance(step, White):
-        return white_noise(step)
-    return vis_noise(step) if isinstance(step, Vis) else AugmentationModule(step)
+    if isinstance(step, BatchAugmentation):
+        return AugmentationModule(step)
+    return white_noise(step) if isinstance(step, White) else vis_noise(step)
 
 
 def white_noise(white: White) -> nn.Module:
@@ -46,17 +44,12 @@ def vis_noise(vis: Vis) -> nn.Module:
     import visaug
 
     cameras = [changed_camera(vis, name) for name in vis.cameras]
-    options: dict[str, Any] = {
-        name: getattr(vis, name) for name in ("resolution", "fixed_pattern", "transfer", "black_level")
-    }
-    given = {name: getattr(vis, name) for name in ("gain_db", "exposure", "strength", "full_scale_photons")}
-    options |= {name: value for name, value in given.items() if value is not None}
-    drawn = (value for entry in vis.effects for value in entry.values())
-    if any(e.get("p", 1.0) < 1 for e in vis.effects) or any(isinstance(v, list | tuple) for v in drawn):
+    options = vis.model_dump(include=OPTIONS, exclude_none=True)
+    is_drawn = any(isinstance(value, list | tuple) for entry in vis.effects for value in entry.values())
+    if is_drawn or any(entry.get("p", 1.0) < 1 for entry in vis.effects):
         return RandomEffects(cameras, vis.effects, vis.p, options)
     for entry in vis.effects:
-        effect = {key: value for key, value in entry.items() if key != "p"}
-        cameras = [camera.with_effect(**effect) for camera in cameras]
+        cameras = [camera.with_effect(**_at(entry, 0)) for camera in cameras]
     return visaug.VISNoise(cameras if len(cameras) > 1 else cameras[0], p=vis.p, **options)
 
 
@@ -76,6 +69,47 @@ def changed_camera(vis: Vis, name: str) -> Camera:
         return changed
     content["randomize"] = {path: spread for path, spread in spreads.items() if path not in vis.set}
     return Camera(check_spec(content), changed.folder, changed.maps)
+
+
+class WhiteSensorNoise(nn.Module):
+    """White Gaussian noise of a camera's variance, the paper's eq. 6: one standard deviation for the whole image.
+
+    Its variance in electrons is that of the photons at the image's mean level, the dark current and the read
+    noise; fixed patterns have no part in it. Camera parameters are drawn per image as for the sensor noise.
+    """
+
+    def __init__(self, camera: Camera, p: float = 1.0) -> None:
+        super().__init__()
+        self.camera, self.p = camera, p
+
+    def forward(self, images: Tensor) -> Tensor:
+        seed = int(torch.randint(2**31, (1,)))
+        drawn = draw(self.camera, len(images), np.random.default_rng(seed))
+        values = {name: value.double() for name, value in drawn.items()}
+        gain, white = gain_of(self.camera, values), white_dn(self.camera, values)
+        mean_e = images.mean(dim=(1, 2, 3)).double().cpu() * white * gain
+        dark = values["exposure_s"] * values["dark_current.a_e_per_s"]
+        dark = dark * torch.exp(values["dark_current.b_per_c"] * values["temperature_c"])
+        read = values["read_noise.sigma_e"] ** 2 + (values["read_noise.after_gain_dn"] * gain) ** 2
+        std = (mean_e + dark + read).sqrt() / gain / white
+        noisy = add_white(images, std.to(images)[:, None, None, None])
+        return torch.where(chosen(self.p, images), noisy, images)
+
+
+class WhiteTwin(nn.Module):
+    """White Gaussian noise with the variance that a noise module adds, image by image.
+
+    Its mean, its patterns and its dependence on the level are left out, so that it differs from the module in
+    structure alone.
+    """
+
+    def __init__(self, noise: nn.Module) -> None:
+        super().__init__()
+        self.noise = noise
+
+    def forward(self, images: Tensor) -> Tensor:
+        std = (self.noise(images) - images).std(dim=(1, 2, 3), keepdim=True)
+        return torch.where(std > 0, add_white(images, std), images)
 
 
 class RandomEffects(nn.Module):
@@ -116,7 +150,7 @@ class RandomEffects(nn.Module):
         for effect, acts in zip(self.effects, case[1:]):
             for key, value in effect.items():
                 if acts and isinstance(value, list | tuple):
-                    draws[f"{effect['name']}.{key}"] = uniform(len(images), tuple(value), torch.zeros(0))
+                    draws[f"{effect['name']}.{key}"] = torch.empty(len(images)).uniform_(*value)
         return noise.apply_draws(images, draws)
 
     def _noise(self, case: tuple[int, ...]) -> SensorNoise:
@@ -133,16 +167,14 @@ class RandomEffects(nn.Module):
 
 
 def _at(effect: dict[str, Any], end: int) -> dict[str, Any]:
-    """An effect's parameters with its ranges at their low (0) or high (1) end."""
-    found = {}
-    for key, value in effect.items():
+    """An effect's parameters without `p`, ranges at their low (0) or high (1) end."""
+    found = {key: value for key, value in effect.items() if key != "p"}
+    for key, value in found.items():
         if isinstance(value, list | tuple):
             numbers = [v for v in value if isinstance(v, int | float) and not isinstance(v, bool)]
             if len(value) != 2 or len(numbers) != 2 or value[0] > value[1]:
                 raise InputError(
                     f"is {value}", field=f"effects.{effect['name']}.{key}", expected="a number or [low, high]"
                 )
-            value = value[end]
-        if key != "p":
-            found[key] = value
+            found[key] = value[end]
     return found

@@ -4,7 +4,8 @@ import pytest
 import torch
 
 from visaug.camera import Camera
-from visaug_train.batch_noise import GaussianBlur, GaussianNoise, WhiteSensorNoise
+from visaug_train.batch_noise import GaussianBlur, GaussianNoise
+from visaug_train.noise import WhiteSensorNoise
 
 
 def test_blur_keeps_the_mean_and_spreads_a_point_by_its_sigma():
