@@ -11,8 +11,8 @@ from pathlib import Path
 
 from visaug.core.documents import read_yaml
 from visaug.core.files import write_json
-from visaug_train.ablation import ablate
 from visaug_train.config import Config, check_config
+from visaug_train.results import ablate
 from visaug_train.training import prepare, train_run
 
 CONFIG = Path(__file__).resolve().parents[1] / "configs" / "gpu_check.yaml"

@@ -1,17 +1,24 @@
-"""What is refused, or settled, before a study makes any file."""
+"""What is refused, or settled, before a study makes any file; and what its device decides: arguments that it can follow, time."""
 
 import hashlib
 import re
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
+
+import torch
 
 from visaug.core.errors import InputError
+from visaug.core.wording import counted
 from visaug_train.config import Config, Start
-from visaug_train.device import Say, check_device
 from visaug_train.noise import batch_noise
 from visaug_train.quiet import check_tracking, quiet_ultralytics
 from visaug_train.speed import PoseSet
 from visaug_train.studies.hidden import hidden_cameras
 from visaug_train.studies.target import check_cameras
+
+Say = Callable[[str], None]
 
 
 def check_apart(parts: dict[str, PoseSet], tests: dict[str, PoseSet]) -> None:
@@ -53,11 +60,11 @@ def check_arms(config: Config, announce: Say | None = None) -> None:
     if config.start and config.start.weights:
         start_weights(config.start)
     given = {"start": {**config.training, **config.start.training}} if config.start else {}
+    given |= {name: config.arguments(name) for name in config.arms}
     for name in config.arms:
         arm = config.arm(name)
         if not set(arm.camera_files) & config.cameras.keys():  # else its noise is checked once they are made
             batch_noise(arm)
-        given[name] = {**config.training, **arm.training}
     for name, arguments in given.items():
         try:
             get_cfg(overrides=arguments)
@@ -81,3 +88,105 @@ def start_weights(start: Start) -> bytes:
     if (found := hashlib.sha256(content).hexdigest()) != start.sha256:
         raise InputError(f"has the SHA-256 {found}", file=file, expected=str(start.sha256))
     return content
+
+
+def check_device(given: Sequence[dict[str, Any]], say: Say | None = None) -> None:
+    """Refuse arguments of runs that this device cannot follow; `say` gets a line where bf16 is off (see `followed`).
+
+    Raises:
+        InputError: a device that is not there, or a batch size that would be chosen by the device's memory.
+    """
+    for arguments in given:
+        batch = arguments.get("batch", 16)
+        if not batch >= 1:
+            raise InputError(
+                f"{batch} leaves the batch size to the memory of the device, run by run",
+                field="training.batch",
+                expected="a number of images, the same in all arms",
+            )
+        selected(arguments.get("device"))
+    if say is not None and any(followed(arguments) != arguments for arguments in given):
+        say("amp: bf16 is off: this device has no native bfloat16; trainings take float32")
+
+
+def followed(arguments: dict[str, Any]) -> dict[str, Any]:
+    """Training arguments as this device follows them: `amp: bf16` is off where bfloat16 is not native.
+
+    A run's hash holds what was asked, its record what was done, so that a network can be evaluated on another device.
+    """
+    if arguments.get("amp") == "bf16" and not has_bf16(arguments.get("device")):
+        return {**arguments, "amp": False}
+    return arguments
+
+
+def selected(device: Any) -> torch.device:
+    """The device that a training takes for an argument `device`; refused where it is not there."""
+    from ultralytics.utils.torch_utils import select_device
+
+    try:
+        return torch.device(select_device("" if device is None else device, verbose=False))
+    except (ValueError, RuntimeError, AssertionError):
+        count = torch.cuda.device_count()
+        raise InputError(
+            f"{device!r} is not a device of this machine",
+            field="training.device",
+            expected=f"cpu{f', or a GPU from 0 to {count - 1}' if count else '; there is no GPU'}",
+        ) from None
+
+
+def has_bf16(device: Any) -> bool:
+    """Whether a training on it can run in bfloat16, which GPUs have from Ampere on."""
+    return selected(device).type == "cuda" and torch.cuda.is_bf16_supported(including_emulation=False)
+
+
+def cost(config: Config, images: int, arms: Sequence[str] | None = None) -> str:
+    """How long the training of all runs (of `arms`: with the first seed) takes, in a sentence: `images` times the seconds that
+    the network takes for one on this device.
+    """
+    names, seeds = (config.arms, len(config.seeds)) if arms is None else (arms, 1)
+    epochs = [config.arguments(name).get("epochs", 100) for name in names]
+    total = images * (seeds * sum(epochs) + ((config.start and config.start.epochs) or 0))
+    device = selected(config.training.get("device"))
+    seconds = seconds_per_image(config, device)
+    hours = total * seconds / 3600
+    said = f"{hours:.1f} hours" if hours >= 1 else f"{60 * hours:.0f} minutes"
+    return (
+        f"cost: {counted(len(names) * seeds, 'run')}, {total:,} images: about {said} on {device} at "
+        f"{1000 * seconds:.1f} ms each, by a trial of the network alone; reading, noise and evaluation come "
+        "on top, and what is finished is not trained again"
+    )
+
+
+def seconds_per_image(config: Config, device: torch.device) -> float:
+    """Of a training step, forward and backward, of the study's network."""
+    from ultralytics import YOLO
+
+    side = -(-int(config.training.get("imgsz", 640)) // 32) * 32
+    amp = followed(config.training).get("amp", True)
+    dtype = torch.bfloat16 if amp == "bf16" else torch.float16
+    with torch.random.fork_rng(devices=[]):
+        model: Any = YOLO(config.model, task="pose", verbose=False).model
+    network = model.to(device).train()
+    for parameter in network.parameters():
+        parameter.requires_grad_(True)
+    on_gpu = device.type == "cuda"
+    batch = torch.zeros(
+        16 if on_gpu else 2, 3, side, side, device=device
+    )  # enough to fill a GPU; seconds on a CPU
+    seconds = []
+    for _ in range(3):
+        began = time.perf_counter()
+        with torch.autocast(device.type, dtype=dtype, enabled=on_gpu and bool(amp)):
+            output = network(batch)
+        _total(output).backward()
+        next(network.parameters()).grad.sum().item()  # the last that is computed: a GPU is waited for
+        seconds.append(time.perf_counter() - began)
+    return sum(seconds[1:]) / 2 / len(batch)  # the first warms up
+
+
+def _total(output: Any) -> torch.Tensor:
+    """The sum of all tensors in a network's output."""
+    if isinstance(output, torch.Tensor):
+        return output.float().sum()
+    parts = output.values() if isinstance(output, dict) else output
+    return torch.stack([_total(part) for part in parts if part is not None]).sum()

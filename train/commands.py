@@ -11,7 +11,6 @@ from visaug.camera import Camera
 from visaug.core.errors import InputError, PartlyFailed
 from visaug.core.files import folder_lock
 from visaug.core.progress import Progress
-from visaug_train.ablation import ablate as run_ablation
 from visaug_train.checks import check_arms
 from visaug_train.config import Config, load_config
 from visaug_train.datasets import keypoints_of, read_poses
@@ -28,6 +27,7 @@ from visaug_train.predictions import (
     save_submission,
 )
 from visaug_train.readings import point_readings
+from visaug_train.results import ablate as run_ablation
 from visaug_train.scoring import evaluate_run, other_summaries, other_weights, predictions_of, predictor
 from visaug_train.severity import severity
 from visaug_train.speed import PoseSet

@@ -9,6 +9,8 @@ from visaug.core.documents import read_yaml
 from visaug.core.errors import InputError
 from visaug.core.nearest import did_you_mean
 from visaug_train.arms import Arm, Vis
+from visaug_train.geometry import Pinhole
+from visaug_train.reduction import fitting
 from visaug_train.render.dataset import RenderSettings
 from visaug_train.sections import ConfigSection, Seed, SharePair
 
@@ -33,13 +35,13 @@ class Data(ConfigSection):
     root: Path | None = None
     rendered: RenderSettings | None = None
     keypoints: str = "tango"
-    image_size: tuple[Side, Side] | None = Field(
-        None, description="width, height to which training and test images are reduced first"
+    image_size: tuple[Side, Side] | None = (
+        None  # width, height to which training and test images are reduced first
     )
-    reduce: Literal["area", "linear"] | None = Field(
-        None, description="how, in training and in testing alike; area where left out"
+    reduce: Literal["area", "linear"] | None = (
+        None  # how, in training and in testing alike; area where left out
     )
-    channels: Literal[1, 3] = Field(3, description="1: a network with one input channel, for gray images")
+    channels: Literal[1, 3] = 3  # 1: a network with one input channel, for gray images
     split_seed: Seed = 0
     train: Source = Source(domain="synthetic", split="train")
     validation: Source = Source(domain="synthetic", split="validation")
@@ -71,9 +73,9 @@ class Start(ConfigSection):
     """
 
     epochs: int | None = Field(None, ge=1)
-    weights: str | None = Field(None, description="a safetensors file, in place of `epochs`")
-    sha256: str | None = Field(None, description="of that file, in hexadecimal digits")
-    like: str | None = Field(None, description="the arm whose augmentation it has; none where left out")
+    weights: str | None = None  # a safetensors file, in place of `epochs`
+    sha256: str | None = None  # of that file, in hexadecimal digits
+    like: str | None = None  # the arm whose augmentation it has; none where left out
     seed: Seed = 0
     training: dict[str, Any] = Field({})
 
@@ -114,12 +116,10 @@ class MadeCamera(ConfigSection):
 class Cluster(ConfigSection):
     """Runs spread by Ray: on this machine, or with an `address` on a cluster whose nodes share the output folder."""
 
-    address: str | None = Field(
-        None, description="as ray.init takes it: auto, or host:port; none is this machine"
-    )
+    address: str | None = None  # as ray.init takes it: auto, or host:port; none is this machine
     cpus_per_run: float = Field(2, gt=0)
     gpus_per_run: float = Field(0, ge=0)
-    retries: int = Field(3, ge=0, description="of a run whose node or process was lost")
+    retries: int = Field(3, ge=0)  # of a run whose node or process was lost
 
 
 class Config(ConfigSection):
@@ -128,26 +128,25 @@ class Config(ConfigSection):
     name: str
     output: Path
     data: Data
-    model: str = Field("yolov8n-pose.yaml", description="a YAML, or the file of trained weights, NAME.pt")
-    training: dict[str, Any] = Field({}, description="ultralytics' training arguments, the same in all arms")
+    model: str = "yolov8n-pose.yaml"  # a YAML, or the file of trained weights, NAME.pt
+    training: dict[str, Any] = Field({})  # ultralytics' training arguments, the same in all arms
     arms: dict[Name, Arm] = Field(min_length=1)
     baseline: str = "baseline"
-    oracle: str | None = Field(
-        None,
-        description="the arm that knows the test cameras: the others' gains are given as a share of its gain",
+    oracle: str | None = (
+        None  # the arm that knows the test cameras: the others' gains are given as a share of its gain
     )
-    cameras: dict[Name, MadeCamera] = Field({}, description="made before the training, for arms to name")
+    cameras: dict[Name, MadeCamera] = Field({})  # made before the training, for arms to name
     seeds: list[Seed] = Field([0])
     bootstrap: int = Field(
-        400, ge=0, le=10**6, description="resamples of the test images, for the variance between images"
+        400, ge=0, le=10**6
+    )  # resamples of the test images, for the variance between images
+    weights: Literal["best", "last"] = (
+        "last"  # the headline; `best` by the clean validation images; both are reported
     )
-    weights: Literal["best", "last"] = Field(
-        "last", description="the headline: last, or best by the clean validation images; both are reported"
-    )
-    published: bool = Field(False, description="put the paper's tables 2 to 4 beside one's own")
+    published: bool = False  # put the paper's tables 2 to 4 beside one's own
     start: Start | None = None
     hidden: Hidden | None = None
-    cluster: Cluster | None = Field(None, description="`{}` spreads the runs over this machine")
+    cluster: Cluster | None = None  # `{}` spreads the runs over this machine
     tracking: list[Literal["tensorboard", "mlflow", "wandb", "comet", "clearml", "dvc"]] = Field([])
 
     def arm(self, name: str) -> Arm:
@@ -158,38 +157,33 @@ class Config(ConfigSection):
                 field="arms",
                 expected=f"one of {', '.join(self.arms)}",
             )
-        seen, merged = [], {}
-        current: str | None = name
-        while current is not None:
-            if current in seen or current not in self.arms:
+        chain = [name]
+        while (like := self.arms[chain[-1]].like) is not None:
+            if like in chain or like not in self.arms:
                 raise InputError(
-                    f"{current} cannot be built on", field=f"arms.{name}.like", expected="another arm"
+                    f"{like} cannot be built on", field=f"arms.{name}.like", expected="another arm"
                 )
-            seen.append(current)
-            arm = self.arms[current]
-            given = arm.model_dump(exclude_unset=True)
-            training = {**given.pop("training", {}), **merged.pop("training", {})}
-            merged = {**given, **merged, "training": training}
-            current = arm.like
-        merged.pop("like", None)
-        return Arm.model_validate(merged)
+            chain.append(like)
+        merged: dict[str, Any] = {}
+        training: dict[str, Any] = {}
+        for each in reversed(chain):
+            given = self.arms[each].model_dump(exclude_unset=True, exclude={"like"})
+            training |= given.pop("training", {})
+            merged |= given
+        return Arm.model_validate({**merged, "training": training})
+
+    def seen_size(self, camera: Pinhole) -> tuple[int, int]:
+        """Width and height of a camera's images as the network gets them."""
+        return self.data.image_size or fitting(camera, self.training.get("imgsz", 640))
+
+    def arguments(self, arm: str) -> dict[str, Any]:
+        """ultralytics' training arguments of an arm."""
+        return {**self.training, **self.arm(arm).training}
 
 
 # Arguments that the harness sets itself, so that runs can be found again, compared and kept off the network.
-RESERVED = {
-    "data",
-    "project",
-    "name",
-    "save_dir",
-    "exist_ok",
-    "seed",
-    "resume",
-    "task",
-    "mode",
-    "model",
-    "pretrained",
-    "plots",
-}
+RESERVED = {"data", "project", "name", "save_dir", "exist_ok", "seed", "resume", "task", "mode", "model"}
+RESERVED |= {"pretrained", "plots"}
 
 
 def load_config(path: str | Path) -> Config:
@@ -250,39 +244,29 @@ def check_config(content: Any, path: Path | None = None) -> Config:
             known = sorted({key for part in parts for key in part.model_fields})
             problem += did_you_mean(str(first["loc"][-1]), known)
         raise InputError(problem, file=path, field=key) from None
-    if (config.data.root is None) == (config.data.rendered is None):
-        raise InputError("give one of root and rendered", file=path, field="data")
     arguments = {"training": config.training}
     arguments |= {"start.training": config.start.training} if config.start else {}
     arguments |= {f"arms.{name}.training": arm.training for name, arm in config.arms.items()}
-    for where, given in arguments.items():
-        for key in RESERVED & given.keys():
-            raise InputError(
-                "is set by the harness", file=path, field=f"{where}.{key}", expected="another argument"
-            )
+    reserved = [f"{where}.{key}" for where, given in arguments.items() for key in RESERVED & given.keys()]
     # ultralytics' default adds augmentations where albumentations happens to be installed.
     config.training.setdefault("augmentations", [])
-    if config.data.reduce and not config.data.image_size:
-        raise InputError("needs data.image_size", file=path, field="data.reduce", expected="[width, height]")
-    if config.start and (config.start.epochs is None) == (config.start.weights is None):
-        raise InputError("give one of epochs and weights", file=path, field="start")
-    if config.start and config.start.weights and config.start.sha256 is None:
-        raise InputError("is missing", file=path, field="start.sha256", expected="SHA-256 of start.weights")
-    if config.start and config.start.like and config.start.like not in config.arms:
-        raise InputError(f"{config.start.like} is not an arm", file=path, field="start.like")
-    if config.baseline not in config.arms:
-        raise InputError(f"{config.baseline} is not an arm", file=path, field="baseline")
-    if config.oracle is not None and (config.oracle not in config.arms or config.oracle == config.baseline):
-        raise InputError(
-            f"{config.oracle} is not an arm beside the baseline",
-            file=path,
-            field="oracle",
-            expected="such an arm",
-        )
-    if not config.seeds:
-        raise InputError("is empty", file=path, field="seeds", expected="a list of whole numbers")
-    if len(set(config.seeds)) < len(config.seeds):
-        raise InputError(f"{config.seeds} repeats one", file=path, field="seeds", expected="each seed once")
+    data, start, oracle, seeds = config.data, config.start or Start(epochs=1), config.oracle, config.seeds
+    no_oracle = oracle is not None and (oracle not in config.arms or oracle == config.baseline)
+    mistakes = [
+        ((data.root is None) == (data.rendered is None), "data", "give one of root and rendered", None),
+        (reserved, (reserved or [""])[0], "is set by the harness", "another argument"),
+        (data.reduce and not data.image_size, "data.reduce", "needs data.image_size", "[width, height]"),
+        ((start.epochs is None) == (start.weights is None), "start", "give one of epochs and weights", None),
+        (start.weights and start.sha256 is None, "start.sha256", "is missing", "SHA-256 of start.weights"),
+        (start.like and start.like not in config.arms, "start.like", f"{start.like} is not an arm", None),
+        (config.baseline not in config.arms, "baseline", f"{config.baseline} is not an arm", None),
+        (no_oracle, "oracle", f"{oracle} is not an arm beside the baseline", "such an arm"),
+        (not seeds, "seeds", "is empty", "a list of whole numbers"),
+        (len(set(seeds)) < len(seeds), "seeds", f"{seeds} repeats one", "each seed once"),
+    ]
+    for is_so, field, problem, expected in mistakes:
+        if is_so:
+            raise InputError(problem, file=path, field=field, expected=expected)
     for name in config.arms:
         config.arm(name)
     return config

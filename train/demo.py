@@ -12,13 +12,14 @@ from visaug.core.errors import InputError
 from visaug.core.progress import Progress, phase_of
 from visaug.report.html import Page, Section, figure, write_page
 from visaug.report.provenance import footer
-from visaug_train.ablation import Ablation, ablate
 from visaug_train.arms import Arm, Vis
 from visaug_train.checks import check_arms
 from visaug_train.config import Config, load_config
+from visaug_train.parallel import Workers
 from visaug_train.plots import plot_scores
 from visaug_train.render.independent_camera import LIGHTBOX_CAMERA
 from visaug_train.report import ablation_sections, timing_section
+from visaug_train.results import Ablation, ablate
 from visaug_train.studies.laboratory import (
     BIASES,
     FLATS,
@@ -31,7 +32,6 @@ from visaug_train.studies.laboratory import (
 )
 from visaug_train.studies.story import hidden_effect_sections, real_camera_section, story_sections
 from visaug_train.training import prepare, start_network
-from visaug_train.workers import Workers
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 SHORT, FULL = CONFIGS / "demo_short.yaml", CONFIGS / "demo.yaml"

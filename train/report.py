@@ -12,10 +12,10 @@ from visaug.report.noise import components
 from visaug.report.plots.images import plot_components, plot_images
 from visaug.report.plots.learning import plot_timing, plot_training
 from visaug.report.provenance import footer
-from visaug_train.ablation import Ablation
 from visaug_train.plots import plot_dependence, plot_gallery
 from visaug_train.published import WHICH_OKS
 from visaug_train.reduction import read_pixels
+from visaug_train.results import Ablation
 from visaug_train.studies.proof import proof_sections
 from visaug_train.studies.target import transductive
 from visaug_train.studies.target_report import target_sections

@@ -1,5 +1,6 @@
-"""Finished runs of a study: means, differences with intervals, tables, files."""
+"""A study: its runs are trained and scored; means, differences with intervals, tables, files."""
 
+import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -8,20 +9,24 @@ from typing import Any
 
 import numpy as np
 
+from visaug.core.errors import InputError
 from visaug.core.files import write_json, write_text
+from visaug.core.progress import Progress
 from visaug.core.wording import counted
 from visaug_train import tables
+from visaug_train.checks import Say, check_arms
 from visaug_train.config import Config
 from visaug_train.evaluate import Evaluation
+from visaug_train.parallel import spread
 from visaug_train.predictions import save_poses
 from visaug_train.published import TABLES_2_3, WHICH_OKS
 from visaug_train.record import COMPARED
-from visaug_train.scoring import other_weights
+from visaug_train.scoring import other_weights, run_and_score
 from visaug_train.statistics import holm, paired_interval, paired_p_value
-from visaug_train.strength import Strengths
+from visaug_train.strength import Strengths, strengths
 from visaug_train.studies import oracle, proof
 from visaug_train.studies.target import transductive
-from visaug_train.training import Run, Study
+from visaug_train.training import Run, Study, note_failure, prepare, start_network
 
 
 @dataclass(frozen=True)
@@ -306,3 +311,42 @@ class Ablation:
                     folder / "poses" / f"{arm}-seed{seed}-{domain}.csv", evaluation.poses, evaluation.found
                 )
         return folder / "tables.md"
+
+
+def ablate(config: Config, progress: Progress | None = None, announce: Say | None = None) -> Ablation:
+    """Train the arms of a config with all else equal, score them on all test sets, and say what differs and how surely.
+
+    Everything that is finished is kept: runs by their folders, predictions beside them. A run that fails is noted
+    and the others go on; the same command tries it again. `announce` gets, before any training, what this device does
+    otherwise than asked, the hours that it costs, and how strong the arms' noise is (also in noise.md).
+    """
+    check_arms(config, announce)
+    shutil.rmtree(config.output / "failures", ignore_errors=True)  # of an earlier try
+    study = prepare(config, progress, announce)
+    config = study.config
+    noise = strengths(study)
+    write_text(config.output / "noise.md", noise.text() + "\n")
+    if announce is not None:
+        announce(noise.text())
+    runs = [(arm, seed) for seed in config.seeds for arm in config.arms]
+    try:
+        start_network(study, progress)  # before the runs are spread, for all start from it
+    except Exception as error:
+        said = note_failure(study, "start", config.start.seed if config.start else 0, error)
+        problem = f"the network that all runs start from could not be trained ({said})"
+        raise InputError(problem, file=config.output / "failures") from error
+    lost = spread(study, runs, run_and_score, config.cluster, progress) if config.cluster else {}
+    scored, failures, others = {}, [], {}
+    for arm, seed in runs:
+        if (arm, seed) in lost:
+            failures.append(Failure(arm, seed, lost[arm, seed]))
+            continue
+        try:
+            run, scored_sets, others[arm, seed] = run_and_score(study, arm, seed, progress)
+            scored[arm, seed] = run, scored_sets
+        except Exception as error:
+            failures.append(Failure(arm, seed, note_failure(study, arm, seed, error)))
+    if not scored:
+        first = failures[0].error if failures else "no arm"
+        raise InputError(f"no run ended well ({first})", file=config.output / "failures")
+    return Ablation(study, scored, tuple(failures), noise, {k: v for k, v in others.items() if v})

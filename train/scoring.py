@@ -31,7 +31,7 @@ def run_and_score(
 def other_summaries(study: Study, run: Run, progress: Progress | None = None) -> dict[str, dict[str, Any]]:
     """Scores by domain of a run's other weights; empty where it kept none, or where no validation told best from last."""
     other = other_weights(study.config.weights)
-    arguments = {**study.config.training, **study.config.arm(run.arm).training}
+    arguments = study.config.arguments(run.arm)
     if not arguments.get("val", True) or not run.weights.with_stem(other).is_file():
         return {}
     return {name: each.summary() for name, each in evaluate_run(study, run, progress, other).items()}
@@ -70,7 +70,7 @@ def predictions_of(
 
 def predictor(study: Study, run: Run, weights: Path) -> Callable[..., list[Detections]]:
     """What a file of a run's weights finds in a set, a function of the set: images are reduced as in training."""
-    arguments = {**study.config.training, **study.config.arm(run.arm).training}
+    arguments = study.config.arguments(run.arm)
     return partial(
         predict,
         weights,

@@ -17,7 +17,7 @@ from scipy.stats import chi2
 
 from visaug_train.arms import Arm
 from visaug_train.noise import batch_noise
-from visaug_train.reduction import fitting, read_image, reduced
+from visaug_train.reduction import read_image, reduced
 from visaug_train.speed import PoseSet
 from visaug_train.tables import ResultTable
 
@@ -143,14 +143,11 @@ def strengths(study: "Study") -> Strengths:
     config = study.config
     arms = {name: config.arm(name) for name in config.arms}
 
-    def size_of(poses: PoseSet) -> tuple[int, int]:
-        return config.data.image_size or fitting(poses.camera, config.training.get("imgsz", 640))
-
     def seen(poses: PoseSet) -> Strength:
-        return carried(poses, size_of(poses), config.data.reduction)
+        return carried(poses, config.seen_size(poses.camera), config.data.reduction)
 
     def added(arm: Arm) -> Strength:
-        columns, rows = size_of(study.training_images)
+        columns, rows = config.seen_size(study.training_images.camera)
         if not any(part and part.resolution == "sensor" for part in (arm.vis, arm.white)):
             rows, columns = min(rows, 96), min(columns, 96)  # of a noise that does not know the image's size
         return strength_of(batch_noise(arm), (rows - rows % 2, columns - columns % 2))

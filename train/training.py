@@ -22,14 +22,12 @@ from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug.core.files import whole_file, write_json, write_text
 from visaug.core.progress import Progress
-from visaug_train import checkpoints
+from visaug_train import callbacks
 from visaug_train.arms import Arm
-from visaug_train.callbacks import close_noise, follow, keep_batch
-from visaug_train.checks import check_apart, start_weights
+from visaug_train.checks import Say, check_apart, cost, followed, start_weights
 from visaug_train.config import Config
 from visaug_train.convert import convert
 from visaug_train.datasets import keypoints_of, read_poses
-from visaug_train.device import Say, cost, followed
 from visaug_train.geometry import Keypoints
 from visaug_train.noise import batch_noise
 from visaug_train.quiet import quiet_ultralytics, set_tracking
@@ -116,35 +114,19 @@ def prepare(
 
 def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None = None) -> Run:
     """Trains one arm with one seed, or the rest of it; a finished run is only read."""
-    config = study.config
-    arm = config.arm(arm_name)
-    arguments = {**config.training, **arm.training}
+    config, arm = study.config, study.config.arm(arm_name)
     folder = run_folder(study, arm_name, seed)
     if not (folder / "run.json").is_file():
-        seconds = _train(
-            config.model_copy(update={"model": start_network(study, progress) or config.model}),
-            batch_noise(arm),
-            arguments,
-            study.data_yaml,
-            folder,
-            seed,
-            f"training {arm_name} seed {seed}",
-            progress,
-            arm.clean_epochs,
-        )
         named = {"arm": arm_name, "seed": seed, "hash": folder.name.rsplit("-", 1)[-1]}
-        _finish(folder, {**named, **decides(config, arm, study.data_yaml)}, arguments, seconds)
+        started = config.model_copy(update={"model": start_network(study, progress) or config.model})
+        record = {**named, **decides(config, arm, study.data_yaml)}
+        title = f"training {arm_name} seed {seed}"
+        _finished(study, started, arm, config.arguments(arm_name), folder, seed, title, progress, record)
         _failure_file(study, arm_name, seed).unlink(missing_ok=True)  # of an earlier try
     record = read_json(folder / "run.json")
-    return Run(
-        arm_name,
-        seed,
-        folder,
-        folder / "weights" / f"{config.weights}.pt",
-        record["seconds"],
-        read_curves(folder / "results.csv"),
-        record.get("surroundings", {}),
-    )
+    weights = folder / "weights" / f"{config.weights}.pt"
+    curves = read_curves(folder / "results.csv")
+    return Run(arm_name, seed, folder, weights, record["seconds"], curves, record.get("surroundings", {}))
 
 
 def start_network(study: Study, progress: Progress | None = None) -> str | None:
@@ -160,18 +142,29 @@ def start_network(study: Study, progress: Progress | None = None) -> str | None:
     folder = config.output / "runs" / f"start-seed{start.seed}-{_digest(decided)}"
     if not (folder / "run.json").is_file():
         title = f"training the network that all arms start from, seed {start.seed}"
-        seconds = _train(
-            config, batch_noise(arm), arguments, study.data_yaml, folder, start.seed, title, progress
-        )
-        _finish(folder, decided, arguments, seconds)
+        arm = arm.model_copy(update={"clean_epochs": 0})
+        _finished(study, config, arm, arguments, folder, start.seed, title, progress, decided)
     return str(folder / "weights" / "last.pt")
 
 
-def _finish(folder: Path, record: dict[str, Any], arguments: dict[str, Any], seconds: float) -> None:
-    """Write run.json, by which a run is known to be finished."""
+def _finished(
+    study: Study,
+    config: Config,
+    arm: Arm,
+    arguments: dict[str, Any],
+    folder: Path,
+    seed: int,
+    title: str,
+    progress: Progress | None,
+    record: dict[str, Any],
+) -> None:
+    """Train, and write run.json, by which a run is known to be finished."""
+    noise = batch_noise(arm)
+    data = study.data_yaml
+    seconds = _train(config, noise, arguments, data, folder, seed, title, progress, arm.clean_epochs)
     around = surroundings(arguments.get("device"), followed(arguments).get("amp"))
     write_json(folder / "run.json", {**record, "surroundings": around, "seconds": seconds})
-    checkpoints.forget(folder)
+    callbacks.forget(folder)
 
 
 def _from_weights(config: Config, weights: Path) -> Path:
@@ -244,31 +237,24 @@ def _train(
 
     set_tracking(config.tracking)
     trainer = vis_trainer(noise)
-    state = checkpoints.load_state(folder)
+    state = callbacks.load_state(folder)
     if state is not None and state["exact"]["over"]:
-        checkpoints.finish(folder, state)
+        callbacks.finish(folder, state)
         return state["exact"]["seconds"]
-    kept = checkpoints.Checkpoints(seed, state)
+    kept = callbacks.Checkpoints(seed, state)
     if state is None:
         shutil.rmtree(folder, ignore_errors=True)
         model = YOLO(config.model, task="pose", verbose=False)
-        how = {
-            "project": str(folder.parent.resolve()),
-            "name": folder.name,
-            "exist_ok": True,
-            "pretrained": config.model.endswith(".pt"),
-            "plots": False,
-            "verbose": False,
-            "seed": seed,
-            **followed(arguments),
-        }
+        place = {"project": str(folder.parent.resolve()), "name": folder.name, "exist_ok": True}
+        how = {"pretrained": config.model.endswith(".pt"), "plots": False, "verbose": False, "seed": seed}
+        how |= place | followed(arguments)
     else:
-        model = YOLO(str(checkpoints.restore(folder, state)), task="pose")
+        model = YOLO(str(callbacks.restore(folder, state)), task="pose")
         how = {"resume": True, "save_dir": str(folder.resolve())}
-    follow(model, title, progress)
+    callbacks.follow(model, title, progress)
     kept.attach(model)
-    model.add_callback("on_train_epoch_start", partial(close_noise, clean_epochs))
-    model.add_callback("on_train_batch_start", partial(keep_batch, arguments.get("batch", 16)))
+    model.add_callback("on_train_epoch_start", partial(callbacks.close_noise, clean_epochs))
+    model.add_callback("on_train_batch_start", partial(callbacks.keep_batch, arguments.get("batch", 16)))
     model.train(trainer=trainer, data=str(data_yaml), **how)
     return kept.seconds_before + time.monotonic() - kept.began
 

@@ -14,12 +14,12 @@ from ultralytics import YOLO
 from ultralytics.nn.tasks import yaml_model_load
 
 from visaug.core.errors import InputError
-from visaug_train import checkpoints, training
-from visaug_train.ablation import Ablation, ablate
+from visaug_train import callbacks, training
 from visaug_train.config import check_config
 from visaug_train.evaluate import evaluate
 from visaug_train.geometry import Keypoints, project_targets
 from visaug_train.metrics import Detections
+from visaug_train.results import Ablation, ablate
 from visaug_train.speed import read_poses
 from visaug_train.training import Run, read_curves
 
@@ -161,12 +161,12 @@ def test_neither_a_checkpoint_nor_a_network_runs_code(rendered, tmp_path, monkey
     monkeypatch.chdir(tmp_path)
     for content in (b"", b"no archive", pickle.dumps(Evil())):
         (tmp_path / "weights").mkdir(exist_ok=True)
-        (tmp_path / "weights" / checkpoints.STATE).write_bytes(content)
-        assert checkpoints.load_state(tmp_path) is None
+        (tmp_path / "weights" / callbacks.STATE).write_bytes(content)
+        assert callbacks.load_state(tmp_path) is None
     torch.save(
-        {"exact": Evil(), "ema": 1, "optimizer": 1, "epoch": 1}, tmp_path / "weights" / checkpoints.STATE
+        {"exact": Evil(), "ema": 1, "optimizer": 1, "epoch": 1}, tmp_path / "weights" / callbacks.STATE
     )
-    assert checkpoints.load_state(tmp_path) is None
+    assert callbacks.load_state(tmp_path) is None
 
     network = yaml_model_load("yolov8n-pose.yaml") | {"activation": "(__import__('os').mkdir('evil'),)[0]"}
     (tmp_path / "yolov8n-mine.yaml").write_text(yaml.safe_dump(network))

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import pytest
 
 from visaug.core.errors import InputError
-from visaug_train.cluster import spread
 from visaug_train.config import Cluster
+from visaug_train.parallel import spread
 
 ray = pytest.importorskip("ray")
 os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")

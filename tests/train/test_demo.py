@@ -12,9 +12,9 @@ import yaml
 import visaug
 from visaug.effects import catalogue
 from visaug_train import demo
+from visaug_train.parallel import Workers
 from visaug_train.studies import laboratory
 from visaug_train.training import train_run
-from visaug_train.workers import Workers
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 

@@ -12,11 +12,11 @@ from tests.hostile import check_page
 from tests.hostile_pages import NASTY, check_file
 from visaug.core.errors import InputError
 from visaug_train import scoring, training
-from visaug_train.ablation import ablate
 from visaug_train.config import check_config
 from visaug_train.geometry import Keypoints, project_targets
 from visaug_train.metrics import Detections
 from visaug_train.report import write_report
+from visaug_train.results import ablate
 from visaug_train.studies.hidden import PLAIN, hidden_cameras, plan_of
 from visaug_train.studies.proof import outcomes, proof_sections
 

@@ -12,7 +12,7 @@ from scipy.stats import ttest_1samp
 
 from visaug.app.cli import main
 from visaug.core.errors import InputError
-from visaug_train import device
+from visaug_train import checks
 from visaug_train.callbacks import keep_batch
 from visaug_train.checks import check_apart, check_arms
 from visaug_train.config import check_config, load_config
@@ -59,14 +59,14 @@ def test_bf16_is_off_where_it_is_not_native_and_said_once(tmp_path):
     check_arms(study(tmp_path, training={"device": "cpu", "amp": "bf16"}, arms=arms), said.append)
     assert len(said) == 1
     assert "bfloat16" in said[0]
-    assert device.followed({"device": "cpu", "amp": "bf16"})["amp"] is False
+    assert checks.followed({"device": "cpu", "amp": "bf16"})["amp"] is False
     assert surroundings("cpu", False)["amp"] is False
 
 
 def test_bf16_stays_where_it_is_native(tmp_path, monkeypatch):
-    monkeypatch.setattr(device, "has_bf16", lambda _: True)
+    monkeypatch.setattr(checks, "has_bf16", lambda _: True)
     check_arms(study(tmp_path, training={"device": "cpu", "amp": "bf16"}), pytest.fail)
-    assert device.followed({"amp": "bf16"}) == {"amp": "bf16"}
+    assert checks.followed({"amp": "bf16"}) == {"amp": "bf16"}
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_a_smaller_batch_in_one_arm_is_refused():
 
 
 def test_the_cost_counts_every_image_of_every_run(tmp_path, monkeypatch):
-    monkeypatch.setattr(device, "seconds_per_image", lambda *_: 0.5)
+    monkeypatch.setattr(checks, "seconds_per_image", lambda *_: 0.5)
     arms = {"baseline": {}, "long": {"training": {"epochs": 7}}}
     config = study(
         tmp_path,
@@ -101,8 +101,8 @@ def test_the_cost_counts_every_image_of_every_run(tmp_path, monkeypatch):
         arms=arms,
     )
     # 100 images: 2 seeds of 3 + 7 epochs, and 2 of the start, are 2,200 at half a second
-    assert "4 runs, 2,200 images: about 18 minutes" in device.cost(config, 100)
-    assert "1 run, 900 images: about 8 minutes" in device.cost(config, 100, ["long"])
+    assert "4 runs, 2,200 images: about 18 minutes" in checks.cost(config, 100)
+    assert "1 run, 900 images: about 8 minutes" in checks.cost(config, 100, ["long"])
 
 
 def test_a_trial_measures_the_network_and_leaves_the_random_numbers(tmp_path):
@@ -110,7 +110,7 @@ def test_a_trial_measures_the_network_and_leaves_the_random_numbers(tmp_path):
     expected = torch.rand(1)
     torch.manual_seed(0)
     config = study(tmp_path, training={"imgsz": 32, "device": "cpu"})
-    assert 0 < device.seconds_per_image(config, torch.device("cpu")) < 5
+    assert 0 < checks.seconds_per_image(config, torch.device("cpu")) < 5
     assert torch.rand(1) == expected
 
 

@@ -9,13 +9,13 @@ import torch
 import visaug
 from visaug.core.errors import InputError
 from visaug_train import reduction, scoring, training
-from visaug_train.ablation import ablate
 from visaug_train.config import check_config
 from visaug_train.geometry import Keypoints, Pinhole, project_targets
 from visaug_train.metrics import Detections
 from visaug_train.render.dataset import DOMAINS
 from visaug_train.render.independent_camera import LIGHTBOX_LINES_CAMERA, SUNLAMP_LINES_CAMERA
 from visaug_train.report import write_report
+from visaug_train.results import ablate
 from visaug_train.speed import PoseSet
 from visaug_train.studies import target
 from visaug_train.studies.target import is_plain, true_camera

@@ -9,8 +9,8 @@ import torch
 from ultralytics import YOLO
 
 from visaug_train.config import check_config
+from visaug_train.parallel import Workers
 from visaug_train.training import prepare, run_folder
-from visaug_train.workers import Workers
 
 RUNS = (("baseline", 0), ("baseline", 1))
 

@@ -9,7 +9,7 @@ from visaug_train import tables
 from visaug_train.statistics import paired_interval
 
 if TYPE_CHECKING:
-    from visaug_train.ablation import Ablation
+    from visaug_train.results import Ablation
 
 MEASURE = "keypoint_ap_coco"
 SHARES = np.linspace(-10, 10, 4001)  # that are tried: steps of half a percent

@@ -15,7 +15,7 @@ from visaug_train.reduction import read_pixels
 from visaug_train.studies.hidden import PLAIN, HiddenEffect
 
 if TYPE_CHECKING:
-    from visaug_train.ablation import Ablation
+    from visaug_train.results import Ablation
 
 MEASURE = "keypoint_ap_coco"
 PAGE = ("hidden effect", "named", "cost", "change", "change by a wrong effect", "change by who knew")

@@ -14,7 +14,7 @@ from visaug.core.errors import InputError
 from visaug.core.files import write_json
 from visaug.core.progress import Progress
 from visaug_train.config import Config, MadeCamera, Source
-from visaug_train.reduction import fitting, reduced_camera
+from visaug_train.reduction import reduced_camera
 from visaug_train.render.dataset import DOMAINS
 from visaug_train.render.independent_camera import IndependentCamera
 from visaug_train.speed import PoseSet
@@ -156,7 +156,7 @@ def _seen_size(config: Config, name: str, poses: PoseSet) -> tuple[int, int] | N
             expected="vis.resolution network or sensor in all of its arms, or another camera of the same pictures",
         )
     whole = (poses.camera.width, poses.camera.height)
-    size = config.data.image_size or fitting(poses.camera, config.training.get("imgsz", 640))
+    size = config.seen_size(poses.camera)
     return None if places == {"sensor"} or tuple(size) == whole else (size[0], size[1])
 
 

@@ -17,7 +17,7 @@ from visaug_train.studies.oracle import MEASURE, ArmGain, gain_table, target_set
 from visaug_train.studies.target import TargetCamera
 
 if TYPE_CHECKING:
-    from visaug_train.ablation import Ablation
+    from visaug_train.results import Ablation
 
 STATED = {
     "gain_e_per_dn": "gain, e-/DN",
