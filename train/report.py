@@ -13,13 +13,11 @@ from visaug.report.plots.images import plot_components, plot_images
 from visaug.report.plots.learning import plot_timing, plot_training
 from visaug.report.provenance import footer
 from visaug_train.plots import plot_dependence, plot_gallery
-from visaug_train.published import WHICH_OKS
 from visaug_train.reduction import read_pixels
 from visaug_train.results import Ablation
-from visaug_train.studies.proof import proof_sections
-from visaug_train.studies.target import transductive
-from visaug_train.studies.target_report import target_sections
-from visaug_train.tables import MEASURES, by_chance, marked, overview_table
+from visaug_train.studies.hidden import proof_sections
+from visaug_train.studies.target import target_sections, transductive
+from visaug_train.tables import MEASURES, WHICH_OKS, by_chance, marked, overview_table
 from visaug_train.training import batch_noise
 
 DETECTION, KEYPOINTS = ("box_ap", "iou"), ("keypoint_ap_paper", "oks_paper")

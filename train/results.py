@@ -3,7 +3,7 @@
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +19,11 @@ from visaug_train.config import Config
 from visaug_train.evaluate import Evaluation
 from visaug_train.parallel import spread
 from visaug_train.predictions import save_poses
-from visaug_train.published import TABLES_2_3, WHICH_OKS
 from visaug_train.record import COMPARED
 from visaug_train.scoring import other_weights, run_and_score
 from visaug_train.statistics import holm, paired_interval, paired_p_value
 from visaug_train.strength import Strengths, strengths
-from visaug_train.studies import oracle, proof
-from visaug_train.studies.target import transductive
+from visaug_train.studies import hidden, target
 from visaug_train.training import Run, Study, note_failure, prepare, start_network
 
 
@@ -105,29 +103,28 @@ class Ablation:
     @cached_property
     def means(self) -> tables.Scores:
         """Means over seeds."""
-        return self._over_seeds(self.summaries, lambda values: float(np.mean(values)), 1)
+        return self._over_seeds(self.summaries)
 
     @cached_property
     def spreads(self) -> tables.Scores:
         """The same, the seeds' standard deviation; arms with one seed have none."""
-        return self._over_seeds(self.summaries, lambda values: float(np.std(values, ddof=1)), 2)
+        return self._over_seeds(self.summaries, partial(np.std, ddof=1), 2)
 
     def _over_seeds(
-        self, summaries: Mapping[tuple[str, int], Any], statistic: Callable[[list[float]], float], least: int
+        self, summaries: Mapping[tuple[str, int], Any], statistic: Callable = np.mean, least: int = 1
     ) -> tables.Scores:
-        seeds = {arm: [s for s in self.seeds(arm) if (arm, s) in summaries] for arm in self.config.arms}
-
-        def of(arm: str, domain: str, measure: str) -> float:
-            return statistic([tables.value(summaries[arm, s][domain], measure) for s in seeds[arm]])
-
-        return {
-            arm: {
-                domain: {measure: of(arm, domain, measure) for measure in tables.MEASURES}
-                for domain in self.study.tests
-            }
-            for arm in self.config.arms
-            if len(seeds[arm]) >= least
-        }
+        found = {}
+        for arm in self.config.arms:
+            runs = [summaries[arm, seed] for seed in self.seeds(arm) if (arm, seed) in summaries]
+            if len(runs) >= least:
+                found[arm] = {
+                    domain: {
+                        m: float(statistic([tables.value(r[domain], m) for r in runs]))
+                        for m in tables.MEASURES
+                    }
+                    for domain in self.study.tests
+                }
+        return found
 
     @cached_property
     def differences(self) -> list[ArmDifference]:
@@ -147,26 +144,21 @@ class Ablation:
     @property
     def mixed(self) -> str:
         """What of versions and device differs between the runs; empty where nothing does."""
-        found: dict[str, dict[str, list[str]]] = {}
-        for (arm, seed), (run, _) in self.scored.items():
-            for key in COMPARED:
-                value = str(run.surroundings.get(key, "none"))
-                found.setdefault(key, {}).setdefault(value, []).append(f"{arm} seed {seed}")
-        several = [
-            f"{key} "
-            + ", ".join(
-                f"{value} ({counted(len(runs), 'run')}, such as {runs[0]})"
-                for value, runs in by_value.items()
-            )
-            for key, by_value in found.items()
-            if len(by_value) > 1
-        ]
+        several = []
+        for key in COMPARED:
+            found: dict[str, list[str]] = {}
+            for (arm, seed), (run, _) in self.scored.items():
+                found.setdefault(str(run.surroundings.get(key, "none")), []).append(f"{arm} seed {seed}")
+            said = [
+                f"{value} ({counted(len(runs), 'run')}, such as {runs[0]})" for value, runs in found.items()
+            ]
+            several += [f"{key} {', '.join(said)}"] if len(found) > 1 else []
         return f"The runs were not trained alike: {'; '.join(several)}." if several else ""
 
     @cached_property
-    def gains(self) -> list[oracle.ArmGain]:
+    def gains(self) -> list[target.ArmGain]:
         """Gains of the arms over the baseline, as shares of the oracle's gain; empty without an oracle."""
-        return oracle.gains(self)
+        return target.gains(self)
 
     @property
     def interval_covers(self) -> str:
@@ -196,71 +188,61 @@ class Ablation:
             return {}
         reference, resampled = self.scores(other, seeds)
         scores, again = self.scores(own, seeds)
-        differences, pairs = scores - reference, again - resampled
-        by_images = (
-            pairs.mean(axis=1).var(axis=0, ddof=1)
-            if len(pairs) > 1
-            else np.full(len(tables.MEASURES), np.nan)
-        )
+        differences, pairs = scores - reference, (again - resampled).mean(axis=1)
+        unknown = np.full(len(tables.MEASURES), np.nan)
+        by_images = pairs.var(axis=0, ddof=1) if len(pairs) > 1 else unknown
         images = len(self.study.tests[own[1]])
-        low, high = paired_interval(differences, by_images, images)
+        ends = paired_interval(differences, by_images, images)
         p_values = paired_p_value(differences, by_images, images)
-        columns = np.array([reference.mean(axis=0), differences.mean(axis=0), low, high, p_values])
+        columns = np.array([reference.mean(axis=0), differences.mean(axis=0), *ends, p_values])
         return {measure: tuple(column) for measure, column in zip(tables.MEASURES, columns.T.tolist())}
 
     def scores(self, place: tuple[str, str], seeds: list[int]) -> tuple[np.ndarray, np.ndarray]:
-        """Scores of an (arm, domain), (seeds, measures), and on resampled images, (bootstrap, seeds, measures)."""
-        return self._scores(place, seeds), self._resampled(place, seeds)
+        """Scores of an (arm, domain), (seeds, measures), and on resampled images, (bootstrap, seeds, measures).
 
-    def _scores(
-        self, place: tuple[str, str], seeds: list[int], weights: np.ndarray | None = None
-    ) -> np.ndarray:
-        """Scores of an (arm, domain), (seeds, measures); `weights` are how often each image counts."""
-        found = [self.scored[place[0], seed][1][place[1]].summary(weights) for seed in seeds]
-        return np.array([[tables.value(each, m) for m in tables.MEASURES] for each in found])
-
-    def _resampled(self, place: tuple[str, str], seeds: list[int]) -> np.ndarray:
-        """Scores for each resample of the images, (bootstrap, seeds, measures): the same images for all arms,
-        and for all domains with as many.
+        The images that a resample holds are the same for all arms, and for all domains with as many.
         """
+        evaluations = [self.scored[place[0], seed][1][place[1]] for seed in seeds]
+
+        def values(weights: np.ndarray | None = None) -> list[list[float]]:
+            found = [each.summary(weights) for each in evaluations]
+            return [[tables.value(each, measure) for measure in tables.MEASURES] for each in found]
+
         key = (*place, *seeds)
         if key not in self._known:
-            count = len(self.study.tests[place[1]])
-            rng = np.random.default_rng([7, count])
-            shape = (self.config.bootstrap, len(seeds), len(tables.MEASURES))
-            self._known[key] = np.empty(shape)
-            for i in range(self.config.bootstrap):
-                weights = rng.multinomial(count, np.full(count, 1 / count)).astype(float)
-                self._known[key][i] = self._scores(place, seeds, weights)
-        return self._known[key]
+            count, resamples = len(self.study.tests[place[1]]), self.config.bootstrap
+            rng, equal = np.random.default_rng([7, count]), np.full(count, 1 / count)
+            drawn = [values(rng.multinomial(count, equal).astype(float)) for _ in range(resamples)]
+            self._known[key] = np.reshape(drawn, (resamples, len(seeds), len(tables.MEASURES)))
+        return np.array(values()), self._known[key]
 
     def tables(self) -> dict[str, tables.ResultTable]:
         """The paper's table 2 (detection) and 3 (keypoints) for these arms, and the differences."""
-        made = {"overview": tables.overview_table(self.means, self.differences, self.config.baseline)}
+        config, runs = self.config, self.summaries
+        made = {"overview": tables.overview_table(self.means, self.differences, config.baseline)}
         if self.study.hidden:
-            made["effects"] = proof.effect_table(self)
-        if self.gains and self.config.oracle:
-            made["oracle"] = oracle.gain_table(self.gains, self.config.baseline, self.config.oracle)
-        published = TABLES_2_3 if self.config.published else {}
+            made["effects"] = hidden.effect_table(self)
+        if self.gains and config.oracle:
+            made["oracle"] = target.gain_table(self.gains, config.baseline, config.oracle)
+        scores = {**self.means, **(tables.TABLES_2_3 if config.published else {})}
+        made["detection"] = tables.score_table("Object detection", scores, ["box_ap", "iou"], self.spreads)
         measured = ["keypoint_ap_paper", "oks_paper", "keypoint_ap_coco", "oks_coco"]
-        scores, spreads = {**self.means, **published}, self.spreads
-        made["detection"] = tables.score_table("Object detection", scores, ["box_ap", "iou"], spreads)
-        keypoints = tables.score_table("Keypoint regression", scores, measured, spreads)
-        made["keypoints"] = keypoints.with_note(WHICH_OKS) if published else keypoints
-        if published:
+        made["keypoints"] = tables.score_table("Keypoint regression", scores, measured, self.spreads)
+        if config.published:
+            made["keypoints"] = made["keypoints"].with_note(tables.WHICH_OKS)
             made["comparison"] = tables.comparison_table(self.means)
         made["poses"] = tables.pose_table(
             {
-                arm: {d: [self.summaries[arm, s][d] for s in self.seeds(arm)] for d in self.study.tests}
+                arm: {d: [runs[arm, s][d] for s in self.seeds(arm)] for d in self.study.tests}
                 for arm in self.means
             }
         )
-        made["differences"] = tables.difference_table(self.differences, self.config.baseline)
+        made["differences"] = tables.difference_table(self.differences, config.baseline)
         if self.others:
-            others = self._over_seeds(self.others, lambda values: float(np.mean(values)), 1)
-            other = other_weights(self.config.weights)
-            made["weights"] = tables.weights_table(self.config.weights, self.means, other, others)
-        seen = transductive(self.study)
+            others = self._over_seeds(self.others)
+            other = other_weights(config.weights)
+            made["weights"] = tables.weights_table(config.weights, self.means, other, others)
+        seen = target.transductive(self.study)
         return {name: tables.marked(table, seen) for name, table in made.items()}
 
     def to_json(self) -> dict[str, Any]:
@@ -284,11 +266,11 @@ class Ablation:
             "differences": [d.__dict__ for d in self.differences],
             "by_chance": tables.by_chance(self.differences),
             "mixed": self.mixed,
-            "cameras_from_test_images": transductive(self.study),
+            "cameras_from_test_images": target.transductive(self.study),
             "intervals": self.interval_covers,
             "failures": [f.__dict__ for f in self.failures],
             "oracle": [gain.__dict__ for gain in self.gains],
-            "hidden_effects": [outcome.to_json() for outcome in proof.outcomes(self)],
+            "hidden_effects": [outcome.to_json() for outcome in hidden.outcomes(self)],
         }
 
     def write(self, folder: str | Path) -> Path:

@@ -58,6 +58,36 @@ def holm(p_values: np.ndarray) -> np.ndarray:
     return corrected
 
 
+def share_interval(
+    gains: np.ndarray, oracle: np.ndarray, by_images: np.ndarray, images: int
+) -> tuple[float, float] | None:
+    """The 95 % interval of mean gain over mean oracle's gain, after E. C. Fieller (J. R. Stat. Soc. B 16 (1954) 175).
+
+    It holds the shares s at which gain - s oracle, whose interval `paired_interval` gives, does not differ from 0.
+
+    Args:
+        gains, oracle: of each seed, (seeds).
+        by_images: (resamples, 2), both means over seeds on resampled images.
+        images: how many there are.
+
+    Returns:
+        Its ends; None where it is not bounded, for the oracle's gain does not differ from 0, or is a loss.
+    """
+    shares = np.linspace(-10, 10, 4001)  # that are tried: steps of half a percent
+    left = gains[:, None] - shares * oracle[:, None]
+    moved = by_images[:, :1] - shares * by_images[:, 1:]
+    low, high = paired_interval(left, moved.var(axis=0, ddof=1), images)
+    inside = np.flatnonzero((low <= 0) & (high >= 0))
+    if oracle.mean() <= 0 or not len(inside) or inside[0] == 0 or inside[-1] == len(shares) - 1:
+        return None
+    return float(shares[inside[0]]), float(shares[inside[-1]])
+
+
+def sign(low: float, high: float) -> int:
+    """1 or -1 where an interval leaves out 0, else 0."""
+    return int(low > 0) - int(high < 0)
+
+
 def _mean_and_error(
     differences: np.ndarray, image_variance: np.ndarray, images: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

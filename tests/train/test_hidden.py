@@ -17,8 +17,7 @@ from visaug_train.geometry import Keypoints, project_targets
 from visaug_train.metrics import Detections
 from visaug_train.report import write_report
 from visaug_train.results import ablate
-from visaug_train.studies.hidden import PLAIN, hidden_cameras, plan_of
-from visaug_train.studies.proof import outcomes, proof_sections
+from visaug_train.studies.hidden import PLAIN, hidden_cameras, outcomes, plan_of, proof_sections
 
 CAMERA = {
     "resolution": [100, 160],

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from visaug_train.studies.oracle import share_interval
+from visaug_train.statistics import share_interval
 
 
 def test_a_clear_gain_gives_the_ratio():

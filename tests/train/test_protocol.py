@@ -16,13 +16,12 @@ from visaug_train import checks
 from visaug_train.callbacks import keep_batch
 from visaug_train.checks import check_apart, check_arms
 from visaug_train.config import check_config, load_config
-from visaug_train.published import TABLES_2_3
 from visaug_train.record import surroundings
 from visaug_train.results import Ablation, ArmDifference
 from visaug_train.speed import part_of, read_poses
 from visaug_train.statistics import holm, paired_interval, paired_p_value
 from visaug_train.studies.target import TargetCamera, transductive
-from visaug_train.tables import by_chance, difference_table, marked, score_table, weights_table
+from visaug_train.tables import TABLES_2_3, by_chance, difference_table, marked, score_table, weights_table
 from visaug_train.training import prepare
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"

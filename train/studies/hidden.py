@@ -7,10 +7,10 @@ of it lies in files and is made once.
 """
 
 import hashlib
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -23,15 +23,25 @@ from visaug.core.files import write_bytes, write_json
 from visaug.core.progress import Progress
 from visaug.frames import FrameRecord, FrameSet
 from visaug.frames.plan import default_plan
+from visaug.report.html import Figure, Section, Table, Text, figure
+from visaug.report.plots.error import plot_error_steps
+from visaug.report.plots.images import plot_images
+from visaug_train import tables
 from visaug_train.config import Arm, Config
 from visaug_train.convert import identity
+from visaug_train.plots import plot_scores
 from visaug_train.reduction import read_pixels
 from visaug_train.render.dataset import LINEAR_WHITE_DN
 from visaug_train.speed import PoseSet
+from visaug_train.statistics import sign
+
+if TYPE_CHECKING:
+    from visaug_train.results import Ablation
 
 PLAIN = "plain"  # the test set of the camera that hides nothing
-TOGETHER = 16  # images in memory at once
 SPECIMEN = 1  # the seed of the one camera that takes frames and test images: its fixed patterns are the same
+MEASURE = "keypoint_ap_coco"
+VERDICTS = ("does not clearly change", "raises", "lowers")  # by the sign of an interval
 
 
 @dataclass(frozen=True)
@@ -54,7 +64,7 @@ class HiddenEffect:
     found: list[dict[str, Any]]
     named: str | None
     known: str
-    wrong: str | None
+    wrong: str | None = None
 
     @property
     def right(self) -> bool:
@@ -88,109 +98,123 @@ def hide_effects(
     config: Config, tests: Mapping[str, PoseSet], progress: Progress | None = None
 ) -> tuple[Config, dict[str, PoseSet], list[HiddenEffect]]:
     """The config with the arms, and the test sets, that a study of hidden effects adds; and what was diagnosed."""
-    assert config.hidden is not None
+    hidden, vis = config.hidden, config.arm(config.baseline).vis
     cameras = hidden_cameras(config)
-    if config.hidden.views not in tests:
+    assert hidden is not None and vis is not None  # noqa: PT018 - hidden_cameras saw to it
+    if hidden.views not in tests:
         raise InputError("is not a test set", field="hidden.views", expected=f"one of {', '.join(tests)}")
-    views = tests[config.hidden.views]
+    views, plain = tests[hidden.views], cameras[PLAIN]
     size = (views.camera.height, views.camera.width)
-    if cameras[PLAIN].resolution != size:
+    if plain.resolution != size:
         raise InputError(
-            f"resolution is {list(cameras[PLAIN].resolution)}",
-            file=config.arm(config.baseline).camera_files[0],
+            f"resolution is {list(plain.resolution)}",
+            file=vis.cameras[0],
             expected=f"{list(size)}, rows and columns of the views",
         )
-    taken, arms, found = {}, dict(config.arms), []
+    taken: dict[str, PoseSet] = {}
+    arms, found = dict(config.arms), []
+
+    def add_arm(name: str, camera: Path, why: str) -> str:
+        """The baseline with another camera."""
+        part = vis.model_copy(update={"camera": str(camera)})
+        arms[name] = Arm(like=config.baseline, why=why, vis=part)
+        return name
+
     for domain, camera in cameras.items():
-        light = config.hidden.light
-        decides = f"{camera.to_yaml()} {light} {identity(views)}"
+        decides = f"{camera.to_yaml()} {hidden.light} {identity(views)}"
         digest = hashlib.sha256(decides.encode()).hexdigest()[:8]
         folder = config.output / "cameras" / f"{domain}-{digest}"
-        taken[domain] = take_views(camera, views, folder, domain, light, progress)
+        taken[domain] = take_views(camera, views, folder, domain, hidden.light, progress)
         if domain == PLAIN:
             continue
-        effect = config.hidden.effects[domain]
-        answer = diagnose_frames(cameras[PLAIN], camera, folder, domain, progress)
-        diagnosed = visaug.Camera.load(folder / "diagnosed.yaml").to_dict().get("effects", [])
-        named = f"{domain}_named" if answer["accepted"] else None
-        if named:
-            why = f"the baseline's noise by the diagnosed camera: with {', '.join(answer['accepted'])}"
-            arms[named] = _arm(config, folder / "diagnosed.yaml", why)
-        right = answer["accepted"] == [effect["name"]]
-        known = named if right and named else f"{domain}_known"
-        if known != named:
-            arms[known] = _arm(config, folder / "camera.yaml", f"the baseline's noise with {domain} as it is")
-        found.append(HiddenEffect(domain, effect, answer, diagnosed, named, known, None))
-    found = [replace(each, wrong=_control(each, found[i + 1 :] + found[:i])) for i, each in enumerate(found)]
+        told = progress and (lambda what, *rest, domain=domain: progress(f"{domain}: {what}", *rest))
+        file, spreads = folder / "diagnosed.yaml", plain.to_dict().get("randomize", {})
+        frames = lambda camera=camera: simulate(camera, plan_of(plain), seed=SPECIMEN)  # noqa: E731
+        answer = kept_diagnosis(
+            folder / "diagnosis.json", file, plain, frames, lambda _, s=spreads: s, progress=told
+        )
+        each = HiddenEffect(domain, hidden.effects[domain], answer, [], None, f"{domain}_known")
+        named = ", ".join(answer["accepted"])
+        why = f"the baseline's noise by the diagnosed camera: with {named}"
+        arm = add_arm(f"{domain}_named", file, why) if named else None
+        if each.right and arm:
+            each = replace(each, known=arm)
+        else:
+            add_arm(each.known, folder / "camera.yaml", f"the baseline's noise with {domain} as it is")
+        effects = visaug.Camera.load(file).to_dict().get("effects", [])
+        found.append(replace(each, named=arm, found=effects))
+    for i, each in enumerate(found):
+        if len(found) > 1:  # the control: the arm of the next effect, one that does not contain this one too
+            other = found[(i + 1) % len(found)]
+            unknowing = other.named and each.effect["name"] not in other.answer["accepted"]
+            found[i] = replace(each, wrong=other.named if unknowing else other.known)
     return config.model_copy(update={"arms": arms}), {**tests, **taken}, found
 
 
-def _arm(config: Config, camera: Path, why: str) -> Arm:
-    """The baseline with another camera."""
-    vis = config.arm(config.baseline).vis
-    assert vis is not None
-    return Arm(like=config.baseline, why=why, vis=vis.model_copy(update={"camera": str(camera)}))
+def kept_diagnosis(
+    answer: Path,
+    found: Path,
+    stated: visaug.Camera,
+    frames: Callable[[], FrameSet],
+    spreads: Callable[[visaug.Camera], dict[str, Any]],
+    **options: Any,
+) -> dict[str, Any]:
+    """The answer of a diagnosis of frames, starting from the stated camera, and `found`, the camera that it gives; made once.
 
-
-def _control(each: HiddenEffect, others: list[HiddenEffect]) -> str | None:
-    """The arm of the first other effect that does not contain this one too."""
-    for other in others:
-        unknowing = other.named and each.effect["name"] not in other.answer["accepted"]
-        return other.named if unknowing else other.known
-    return None
+    Args:
+        answer, found: the files.
+        stated: the camera's file.
+        frames: takes them.
+        spreads: `randomize` of the camera that is found.
+        options: of `visaug.diagnose`.
+    """
+    if not answer.is_file():
+        diagnosis = visaug.diagnose(stated, frames(), **options)
+        content = diagnosis.camera.to_dict() | {"randomize": spreads(diagnosis.camera)}
+        visaug.Camera.load(content).save(found)
+        write_json(answer, diagnosis.to_json())  # last: where it stands, the camera does
+    return read_json(answer)
 
 
 def take_views(
-    camera: visaug.Camera,
-    views: PoseSet,
-    folder: Path,
-    domain: str,
-    light: float = 1.0,
-    progress: Progress | None = None,
+    camera: visaug.Camera, views: PoseSet, folder: Path, domain: str, light: float, progress: Progress | None
 ) -> PoseSet:
     """The views as the camera sees them, 8 bit, black level off, in SPEED+'s layout; kept where they are there.
 
     `light` 1: white of a view is what fills the camera's converter, as in training. Sequence numbers, and so the noise,
     are the same for all cameras: they differ by their effects alone.
     """
-    images = folder / domain / "images"
-    listing = folder / domain / "test.json"
+    listing, images = folder / domain / "test.json", folder / domain / "images"
     files = tuple(images / file.name for file in views.files)
-    # sequence numbers of test images, so that their noise is not that of the frame set
-    first_view = 1_000_000
-    if not listing.is_file():
-        full_dn = 2**camera.bit_depth - 1
-        white_photons = light * full_dn * camera.spec.gain_e_per_dn / camera.spec.quantum_efficiency
-        for first in range(0, len(views), TOGETHER):
-            chosen = views.files[first : first + TOGETHER]
-            cleans = {file.name: noiseless(file) * np.float32(white_photons) for file in chosen}
-            records = [
-                FrameRecord(
-                    first_view + first + i,
-                    file.name,
-                    "scene",
-                    camera.spec.exposure_s,
-                    camera.spec.temperature_c,
-                    camera.spec.gain_db,
-                    clean=file.name,
-                )
-                for i, file in enumerate(chosen)
-            ]
-            unread = np.broadcast_to(np.uint16(0), (len(records), *camera.resolution))
-            plan = FrameSet.from_arrays(records, unread, cleans, bit_depth=camera.bit_depth)
-            frames = simulate(camera, plan, seed=SPECIMEN)
-            for i, file in enumerate(chosen):
-                dn = frames.read(i).astype(float) - camera.spec.black_level_dn
-                picture = np.clip(np.rint(dn / full_dn * 255), 0, 255).astype(np.uint8)
-                write_bytes(images / file.name, cv2.imencode(".png", picture)[1].tobytes())
-            if progress:
-                progress(f"taking views: {domain}", min(first + TOGETHER, len(views)), len(views))
-        camera.save(folder / "camera.yaml")
-        write_json(folder / "camera.json", views.camera.to_json())
-        poses = zip(files, views.quaternions.tolist(), views.translations.tolist())
-        write_json(
-            listing, [{"filename": f.name, "q_vbs2tango_true": q, "r_Vo2To_vbs_true": r} for f, q, r in poses]
-        )
+    if listing.is_file():
+        return replace(views, name=domain, files=files)
+    spec, full_dn = camera.spec, 2**camera.bit_depth - 1
+    white_photons = light * full_dn * spec.gain_e_per_dn / spec.quantum_efficiency
+    # sequence numbers of test images, so that their noise is not that of the frame set; images in memory at once
+    first_view, together = 1_000_000, 16
+    for first in range(0, len(views), together):
+        chosen = views.files[first : first + together]
+        cleans = {file.name: noiseless(file) * np.float32(white_photons) for file in chosen}
+        conditions = ("scene", spec.exposure_s, spec.temperature_c, spec.gain_db)
+        records = [
+            FrameRecord(first_view + first + i, file.name, *conditions, clean=file.name)
+            for i, file in enumerate(chosen)
+        ]
+        unread = np.broadcast_to(np.uint16(0), (len(records), *camera.resolution))
+        plan = FrameSet.from_arrays(records, unread, cleans, bit_depth=camera.bit_depth)
+        frames = simulate(camera, plan, seed=SPECIMEN)
+        for i, file in enumerate(chosen):
+            dn = frames.read(i).astype(float) - spec.black_level_dn
+            picture = np.clip(np.rint(dn / full_dn * 255), 0, 255).astype(np.uint8)
+            write_bytes(images / file.name, cv2.imencode(".png", picture)[1].tobytes())
+        if progress:
+            progress(f"taking views: {domain}", min(first + together, len(views)), len(views))
+    camera.save(folder / "camera.yaml")
+    write_json(folder / "camera.json", views.camera.to_json())
+    poses = zip(files, views.quaternions.tolist(), views.translations.tolist())
+    write_json(
+        listing, [{"filename": f.name, "q_vbs2tango_true": q, "r_Vo2To_vbs_true": r} for f, q, r in poses]
+    )
     return replace(views, name=domain, files=files)
 
 
@@ -200,20 +224,6 @@ def noiseless(file: Path) -> np.ndarray:
     if not linear.is_file():
         return read_pixels(file).astype(np.float32) / 255
     return read_pixels(linear, cv2.IMREAD_UNCHANGED).astype(np.float32) / LINEAR_WHITE_DN
-
-
-def diagnose_frames(
-    plain: visaug.Camera, camera: visaug.Camera, folder: Path, domain: str, progress: Progress | None = None
-) -> dict[str, Any]:
-    """Diagnose frames of `camera`, starting from `plain`; the answer, kept in diagnosis.json."""
-    answer = folder / "diagnosis.json"
-    if not answer.is_file():
-        frames = simulate(camera, plan_of(plain), seed=SPECIMEN)
-        diagnosis = visaug.diagnose(plain, frames, progress=_titled(progress, f"{domain}: "))
-        content = diagnosis.camera.to_dict() | {"randomize": plain.to_dict().get("randomize", {})}
-        visaug.Camera.load(content).save(folder / "diagnosed.yaml")
-        write_json(answer, diagnosis.to_json())  # last: where it stands, the camera does
-    return read_json(answer)
 
 
 def plan_of(camera: visaug.Camera) -> FrameSet:
@@ -229,5 +239,203 @@ def plan_of(camera: visaug.Camera) -> FrameSet:
     return with_chart(camera, FrameSet.from_arrays(records, unread, bit_depth=camera.bit_depth))
 
 
-def _titled(progress: Progress | None, title: str) -> Progress | None:
-    return (lambda what, done, total: progress(title + what, done, total)) if progress else None
+@dataclass(frozen=True)
+class Change:
+    """A difference of keypoint AP50-95 (COCO's) with its 95 % interval over images and seeds."""
+
+    before: float
+    after: float
+    low: float
+    high: float
+
+    @property
+    def clear(self) -> int:
+        """1 or -1 where the interval leaves out 0, else 0."""
+        return sign(self.low, self.high)
+
+    def __str__(self) -> str:
+        return tables.signed(self.after - self.before, self.low, self.high)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One hidden effect: the loss of the baseline, and the change by each other training on its test set.
+
+    `named`, `wrong` and `known` are against the baseline, `over_wrong` is named against wrong; None where there
+    is no such arm, or not yet.
+    """
+
+    hidden: HiddenEffect
+    cost: Change
+    named: Change | None
+    wrong: Change | None
+    known: Change | None
+    over_wrong: Change | None
+
+    def finding(self) -> str:
+        """What came out, whichever way, in a few sentences."""
+        name, domain = self.hidden.effect["name"], self.hidden.domain
+        cost, lost = self.cost, self.cost.before - self.cost.after
+        costs = f"costs the network {lost:.3f}" if cost.clear < 0 else "costs nothing clear:"
+        accepted = ", ".join(self.hidden.answer["accepted"]) or "nothing"
+        points = f"{cost.before:.3f} without it, {cost.after:.3f} with it; {cost}"
+        said = [
+            f"{domain} ({name}): the effect {costs} keypoint AP ({points}).",
+            f"The diagnosis named {accepted}, which is {'right' if self.hidden.right else 'wrong'}.",
+        ]
+        if (named := self.named) is not None:
+            change = f"{named.before:.3f} to {named.after:.3f}; {named}"
+            said.append(f"Training with it {VERDICTS[named.clear]} the AP ({change}).")
+        if self.wrong is not None and self.over_wrong is not None:
+            better = ("not clearly other than", "better than", "worse than")[self.over_wrong.clear]
+            said.append(
+                f"The control, {self.hidden.wrong}, changes it by {self.wrong}: the named effect is {better} that "
+                f"({self.over_wrong})."
+            )
+        if self.hidden.known == self.hidden.named:
+            said.append("Who knew the effect would have trained the same way.")
+        elif self.known is not None:
+            said.append(f"Who knew the effect gains {self.known}.")
+        least = 0.15  # loss of keypoint AP that an effect should cause, so that a few seeds can show the gain
+        if lost < least:
+            said.append(f"It costs less than {least}, so there is little to win back.")
+        return " ".join(said)
+
+    def to_json(self) -> dict[str, Any]:
+        """Numbers of the outcome."""
+        hidden, parts = self.hidden, ("cost", "named", "wrong", "known", "over_wrong")
+        changes = {name: getattr(self, name) for name in parts}
+        return {
+            "domain": hidden.domain,
+            "effect": hidden.effect,
+            "accepted": hidden.answer["accepted"],
+            "found": hidden.found,
+            "arms": {"named": hidden.named, "known": hidden.known, "wrong": hidden.wrong},
+            **{name: None if change is None else asdict(change) for name, change in changes.items()},
+        }
+
+
+def outcomes(ablation: "Ablation") -> list[Outcome]:
+    """The outcome of each hidden effect whose baseline was trained."""
+
+    def change(arm: str | None, domain: str, other: str | None, at: str) -> Change | None:
+        found = ablation.compare((arm, domain), (other, at)).get(MEASURE) if arm and other else None
+        return found and Change(found[0], found[0] + found[1], found[2], found[3])
+
+    made, baseline = [], ablation.config.baseline
+    for each in ablation.study.hidden:
+        d = each.domain
+        if (cost := change(baseline, d, baseline, PLAIN)) is not None:
+            changes = [change(arm, d, baseline, d) for arm in (each.named, each.wrong, each.known)]
+            made.append(Outcome(each, cost, *changes, change(each.named, d, each.wrong, d)))
+    return made
+
+
+def effect_table(ablation: "Ablation") -> tables.ResultTable:
+    """A row for each hidden effect: the diagnosis, the loss, and the gain by each training."""
+    columns: dict[str, Callable[[Outcome], object]] = {
+        "hidden effect": lambda o: o.hidden.effect["name"],
+        "named": lambda o: ", ".join(o.hidden.answer["accepted"]) or "nothing",
+        "AP without it": lambda o: f"{o.cost.before:.3f}",
+        "AP with it": lambda o: f"{o.cost.after:.3f}",
+        "cost": lambda o: o.cost,
+        "trained with what was named": lambda o: o.named and f"{o.named.after:.3f}",
+        "change": lambda o: o.named,
+        "change by a wrong effect": lambda o: o.wrong and f"{o.wrong} ({o.hidden.wrong})",
+        "named over wrong": lambda o: o.over_wrong,
+        "change by who knew": lambda o: "the same run" if o.hidden.known == o.hidden.named else o.known,
+    }
+    rows = [[str(of(o) or "") for of in columns.values()] for o in outcomes(ablation)]
+    title = "Hidden effects: keypoint AP50-95 (COCO's) on the camera that has them"
+    return tables.ResultTable(title, list(columns), rows)
+
+
+def proof_sections(ablation: "Ablation") -> list[Section]:
+    """The sections of a report: the outcome, what the cameras see, and each diagnosis."""
+    if not ablation.study.hidden:
+        return []
+    return [
+        Section(
+            "What a hidden effect costs, and how much accuracy the diagnosis recovers",
+            list(_outcome(ablation)),
+        ),
+        Section("What the cameras see", [_views(ablation)]),
+        Section("How the effects were found", list(_diagnoses(ablation))),
+    ]
+
+
+def _outcome(ablation: "Ablation") -> Iterator[Text | Table | Figure]:
+    made = outcomes(ablation)
+    yield Text(
+        "A camera has an effect that its file leaves out. The network was trained with the noise of the file; frames"
+        " of the camera were diagnosed, starting from that file; and the same network was trained again with the"
+        " noise of the diagnosed camera. The control was trained with an effect that this camera does not have."
+    )
+    for outcome in made:
+        yield Text(outcome.finding(), "finding")
+    points: dict[str, dict[str, list[float]]] = {}  # effect -> training -> AP of each seed
+    for o in (outcome.hidden for outcome in made):
+        trained = {
+            "camera without the effect": (ablation.config.baseline, PLAIN),
+            "with it, trained without": (ablation.config.baseline, o.domain),
+            "trained with a wrong effect": (o.wrong, o.domain),
+            "trained with what was named": (o.named, o.domain),
+        }
+        trained |= {"trained knowing it": (o.known, o.domain)} if o.known != o.named else {}
+        bars = {
+            name: ablation.of_seeds(arm, at, MEASURE) if arm else [] for name, (arm, at) in trained.items()
+        }
+        points[o.effect["name"]] = bars
+    if made:
+        yield figure(
+            plot_scores(points),
+            "Keypoint AP50-95 (COCO's) on the same views, taken by the camera without and with the effect. Bars: mean"
+            " over seeds; dots: seeds.",
+        )
+    table = effect_table(ablation)
+    page = ("hidden effect", "named", "cost", "change", "change by a wrong effect", "change by who knew")
+    shown = [table.head.index(name) for name in page]  # the rest is in the sentences above
+    rows = [[row[i].split(" (")[0] for i in shown] for row in table.rows]
+    head = [name.removeprefix("change ") for name in page]
+    yield Table(head, rows, "Keypoint AP50-95 (COCO's): cost and changes, with 95 % intervals.")
+    yield Text(f"95 % intervals: {ablation.interval_covers}.", "note")
+    yield Text(
+        "The strengths were chosen beforehand on one baseline network alone, so that each effect costs it something;"
+        " nothing was chosen by what the other networks score.",
+        "note",
+    )
+
+
+def _views(ablation: "Ablation") -> Figure:
+    shown = [PLAIN, *(each.domain for each in ablation.study.hidden)]
+    tests = ablation.study.tests
+    chosen = np.linspace(0, len(tests[PLAIN]) - 1, 4).astype(int)
+    pictures = [read_pixels(tests[domain].files[i]) / 255 for domain in shown for i in chosen]
+    return figure(
+        plot_images(pictures, [domain for domain in shown for _ in chosen], limits=(0, 1)),
+        "The same views by the camera without an effect (plain) and with each.",
+        raster=True,
+    )
+
+
+def _diagnoses(ablation: "Ablation") -> Iterator[Text | Table | Figure]:
+    def shown(value: Any) -> str:
+        return f"{value:.4g}" if isinstance(value, int | float) else str(value)
+
+    rows = []
+    for each in ablation.study.hidden:
+        name = each.effect["name"]
+        found = next((e for e in each.found if e["name"] == name), {})
+        for key, value in each.effect.items():
+            if key != "name":
+                other = found.get(key, "not named" if not found else "default")
+                rows.append([name, key, shown(value), shown(other)])
+    head = ["effect", "parameter", "hidden", "found"]
+    yield Table(head, rows, "What was hidden, and what the diagnosis found.")
+    for each in ablation.study.hidden:
+        error, steps = each.answer["error"], [s for s in each.answer["steps"] if s["error"] is not None]
+        if steps:
+            yield figure(
+                plot_error_steps(steps, error["before"], error["floor"]),
+                f"{each.domain}: the error of the camera's file falling, on frames that were not used for finding.",
+            )

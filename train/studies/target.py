@@ -1,25 +1,37 @@
 """Cameras that are made before a training: estimated from unlabelled pictures of a domain, or the true one of a rendered
-domain. Arms name them like camera files, so a study shows what the pictures alone give, and what knowing the camera gives.
+domain. Arms name them like camera files, so a study shows what the pictures alone give, and what knowing the camera gives:
+the oracle's arm knows the test cameras, and the gains of the others are given as shares of its gain.
 """
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
 
 import visaug
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug.core.files import write_json
 from visaug.core.progress import Progress
+from visaug.report.html import Figure, Section, Table, Text, figure
+from visaug.report.plots.images import plot_images
+from visaug_train import tables
 from visaug_train.config import Config, MadeCamera, Source
-from visaug_train.reduction import reduced_camera
+from visaug_train.noise import vis_noise
+from visaug_train.plots import plot_scores
+from visaug_train.reduction import read_pixels, reduced_camera
 from visaug_train.render.dataset import DOMAINS
 from visaug_train.render.independent_camera import IndependentCamera
 from visaug_train.speed import PoseSet
+from visaug_train.statistics import paired_interval, share_interval, sign
+from visaug_train.studies.hidden import MEASURE, VERDICTS
 
 if TYPE_CHECKING:
+    from visaug_train.results import Ablation
     from visaug_train.training import Study
 
 
@@ -32,8 +44,8 @@ class TargetCamera:
         domain: whose pictures it took.
         file: its camera.yaml.
         pictures: of how many it was estimated; 0 for a true camera.
-        files: these pictures.
         answer: the estimate as `visaug characterize --json` has it; None for a true camera.
+        files: these pictures.
     """
 
     name: str
@@ -47,17 +59,13 @@ class TargetCamera:
 def transductive(study: "Study") -> dict[str, str]:
     """The arms whose cameras were estimated from test images, each with a sentence on it."""
     found = {}
-    for name in study.config.arms:
-        used = study.config.arm(name).camera_files
-        for camera in getattr(study, "cameras", ()):
-            for domain, poses in study.tests.items():
-                shared = {f.resolve() for f in camera.files} & {f.resolve() for f in poses.files}
-                if str(camera.file) in used and shared:
-                    found[name] = (
-                        f"its camera was estimated from {len(shared)} of the {len(poses)} test images of {domain}, without "
-                        "labels (transductive)"
-                    )
-    return found
+    for camera in getattr(study, "cameras", ()):
+        users = [arm for arm in study.config.arms if str(camera.file) in study.config.arm(arm).camera_files]
+        for domain, poses in study.tests.items():
+            shared = {f.resolve() for f in camera.files} & {f.resolve() for f in poses.files}
+            said = f"its camera was estimated from {len(shared)} of the {len(poses)} test images of {domain}"
+            found |= dict.fromkeys(users if shared else (), f"{said}, without labels (transductive)")
+    return {arm: found[arm] for arm in study.config.arms if arm in found}
 
 
 def check_cameras(config: Config) -> None:
@@ -76,35 +84,30 @@ def make_cameras(
 ) -> tuple[Config, tuple[TargetCamera, ...]]:
     """The config with files in place of the names of its `cameras`, and the cameras; files that exist are kept.
 
-    Args:
-        config: of the study.
-        read: gives the pictures of a source.
-        progress: called with (description, done, total).
+    `read` gives the pictures of a source.
 
     Raises:
         InputError: pictures that give no camera.
     """
-    made = []
-    for done, (name, each) in enumerate(config.cameras.items()):
+    made: list[TargetCamera] = []
+    total = len(config.cameras)
+    for name, each in config.cameras.items():
         if progress:
-            progress("cameras of the target", done, len(config.cameras))
+            progress("cameras of the target", len(made), total)
         made.append(
             _estimated(config, name, read(each.pictures)) if each.pictures else _true(config, name, each)
         )
     if progress and made:
-        progress("cameras of the target", len(made), len(made))
+        progress("cameras of the target", total, total)
     files = {camera.name: str(camera.file) for camera in made}
-    arms = dict(config.arms)
-    for name, arm in arms.items():
-        changed = {}
-        for key in ("vis", "white"):
-            part = getattr(arm, key)
-            if part is not None:
-                cameras = [files.get(camera, camera) for camera in part.cameras]
-                changed[key] = part.model_copy(
-                    update={"camera": cameras[0] if isinstance(part.camera, str) else cameras}
-                )
-        arms[name] = arm.model_copy(update=changed)
+    arms = {}
+    for name, arm in config.arms.items():
+        parts = {key: part for key in ("vis", "white") if (part := getattr(arm, key)) is not None}
+        for key, part in parts.items():
+            named = [files.get(camera, camera) for camera in part.cameras]
+            camera = named[0] if isinstance(part.camera, str) else named
+            parts[key] = part.model_copy(update={"camera": camera})
+        arms[name] = arm.model_copy(update=parts)
     return config.model_copy(update={"arms": arms}), tuple(made)
 
 
@@ -145,19 +148,16 @@ def _seen_size(config: Config, name: str, poses: PoseSet) -> tuple[int, int] | N
     Raises:
         InputError: some arms do the one, some the other.
     """
-    arms = [
-        part for arm in config.arms.values() for part in (arm.vis, arm.white) if part and name in part.cameras
-    ]
-    places = {getattr(part, "resolution", "network") for part in arms}
+    parts = [part for arm in config.arms.values() for part in (arm.vis, arm.white)]
+    places = {part.resolution for part in parts if part and name in part.cameras}
     if len(places) > 1:
         raise InputError(
             "arms use it at both resolutions",
             field=f"cameras.{name}",
             expected="vis.resolution network or sensor in all of its arms, or another camera of the same pictures",
         )
-    whole = (poses.camera.width, poses.camera.height)
-    size = config.seen_size(poses.camera)
-    return None if places == {"sensor"} or tuple(size) == whole else (size[0], size[1])
+    whole, size = (poses.camera.width, poses.camera.height), tuple(config.seen_size(poses.camera))
+    return None if places == {"sensor"} or size == whole else size
 
 
 def _true(config: Config, name: str, made: MadeCamera) -> TargetCamera:
@@ -171,11 +171,7 @@ def _true(config: Config, name: str, made: MadeCamera) -> TargetCamera:
 
 def _known() -> dict[str, IndependentCamera]:
     """The cameras of rendered domains that a camera file can state in full."""
-    return {
-        name: domain.camera
-        for name, domain in DOMAINS.items()
-        if domain.camera is not None and is_plain(domain.camera)
-    }
+    return {name: d.camera for name, d in DOMAINS.items() if d.camera is not None and is_plain(d.camera)}
 
 
 def is_plain(camera: IndependentCamera) -> bool:
@@ -202,3 +198,177 @@ def true_camera(camera: IndependentCamera, name: str, resolution: tuple[int, int
         "dsnu": {"column_e": camera.column_offset_e, "pixel_e": camera.pixel_offset_e},
         "effects": row_noise,
     }
+
+
+@dataclass(frozen=True)
+class ArmGain:
+    """What an arm and the oracle gain over the baseline in keypoint AP50-95 (COCO's), on one domain or the mean of several.
+
+    `gain` and `oracle` are (mean, low, high). `share` is their ratio; its ends are None where it is not determined.
+    """
+
+    arm: str
+    domains: tuple[str, ...]
+    baseline: float
+    gain: tuple[float, float, float]
+    oracle: tuple[float, float, float]
+    share: float
+    low: float | None
+    high: float | None
+
+    def __str__(self) -> str:
+        if self.low is None or self.high is None:
+            return "not determined: the oracle's gain is not clear of 0"
+        return f"{100 * self.share:.0f} % [{100 * self.low:.0f}, {100 * self.high:.0f}]"
+
+
+def gains(ablation: "Ablation") -> list[ArmGain]:
+    """Of every arm but baseline and oracle: on each domain of the cameras that were made, and on their mean."""
+    config, trained = ablation.config, ablation.means
+    if config.oracle not in trained or config.baseline not in trained:
+        return []
+    domains = target_sets(ablation)
+    groups = [(each,) for each in domains] + ([tuple(domains)] if len(domains) > 1 else [])
+    arms = [arm for arm in trained if arm not in (config.baseline, config.oracle)]
+    found = [_gain(ablation, arm, group, config.baseline, config.oracle) for arm in arms for group in groups]
+    return [each for each in found if each is not None]
+
+
+def target_sets(ablation: "Ablation") -> list[str]:
+    """The test sets of the domains whose cameras were made; all of them where none was."""
+    made, sources = {camera.domain for camera in ablation.study.cameras}, ablation.config.data.test
+    return [n for n in ablation.study.tests if not made or (n in sources and sources[n].domain in made)]
+
+
+def _gain(
+    ablation: "Ablation", arm: str, domains: tuple[str, ...], baseline: str, oracle: str
+) -> ArmGain | None:
+    seeds = [s for s in ablation.seeds(arm) if s in ablation.seeds(oracle) and s in ablation.seeds(baseline)]
+    if not seeds:
+        return None
+    column = list(tables.MEASURES).index(MEASURE)
+
+    def mean_over_domains(name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Scores of each seed, (seeds); on resampled images their mean over seeds, (resamples)."""
+        pairs = [ablation.scores((name, domain), seeds) for domain in domains]
+        scores = np.mean([s[:, column] for s, _ in pairs], axis=0)
+        return scores, np.mean([r[:, :, column] for _, r in pairs], axis=0).mean(axis=1)
+
+    at_baseline, resampled = mean_over_domains(baseline)
+    found = [mean_over_domains(name) for name in (arm, oracle)]
+    won, by_images = (np.stack(each, axis=1) for each in zip(*found))
+    won, by_images = won - at_baseline[:, None], by_images - resampled[:, None]
+    images = min(len(ablation.study.tests[domain]) for domain in domains)
+    ends = paired_interval(won, by_images.var(axis=0, ddof=1), images)
+    own, known = np.array([won.mean(axis=0), *ends]).T.tolist()
+    share = share_interval(won[:, 0], won[:, 1], by_images, images) or (None, None)
+    ratio = own[0] / known[0] if known[0] else float("nan")
+    return ArmGain(arm, domains, float(at_baseline.mean()), tuple(own), tuple(known), ratio, *share)
+
+
+def gain_table(found: list[ArmGain], baseline: str, oracle: str) -> tables.ResultTable:
+    """A row for each arm and domain."""
+    won, share = f"change by {oracle}", f"share of what {oracle} gains"
+    head = ["arm", "test set", baseline, "change by the arm", won, share]
+    signed = tables.signed
+    rows = [
+        [g.arm, " and ".join(g.domains), f"{g.baseline:.3f}", signed(*g.gain), signed(*g.oracle), str(g)]
+        for g in found
+    ]
+    title = "Keypoint AP50-95 (COCO's): what knowing the camera gains, and the share of it"
+    return tables.ResultTable(title, head, rows)
+
+
+def target_sections(ablation: "Ablation") -> list[Section]:
+    """The gain, and the parameters estimated from the pictures; nothing without an oracle or cameras that were made."""
+    sections = []
+    if ablation.gains:
+        sections.append(Section("Gain by cameras estimated from pictures", list(_gains(ablation))))
+    if ablation.study.cameras:
+        sections.append(Section("Cameras estimated from pictures", list(_cameras(ablation))))
+    return sections
+
+
+def _gains(ablation: "Ablation") -> Iterator[Text | Table | Figure]:
+    oracle, baseline = str(ablation.config.oracle), ablation.config.baseline
+    most = max(len(gain.domains) for gain in ablation.gains)
+    for gain in ablation.gains:
+        change, low, high = gain.gain
+        points = f"{gain.baseline:.3f} to {gain.baseline + change:.3f} ({tables.signed(change, low, high)})"
+        finding = (
+            f"Arm {gain.arm} {VERDICTS[sign(low, high)]} the keypoint AP on {' and '.join(gain.domains)}: {points}. Arm "
+            f"{oracle} changes it by {tables.signed(*gain.oracle)}; share of that gain: {gain}."
+        )
+        if len(gain.domains) == most:
+            yield Text(finding, "finding")
+    scores = {
+        domain: {arm: ablation.of_seeds(arm, domain, MEASURE) for arm in ablation.means}
+        for domain in target_sets(ablation)
+    }
+    yield figure(plot_scores(scores), "Keypoint AP50-95 (COCO's). Bars: mean over seeds. Dots: seeds.")
+    table = gain_table(ablation.gains, baseline, oracle)
+    yield Table(table.head, table.rows, f"{table.title}, with 95 % intervals.")
+    yield Text(f"95 % intervals: {ablation.interval_covers}. Shares: Fieller's interval of a ratio.", "note")
+
+
+def _cameras(ablation: "Ablation") -> Iterator[Text | Table | Figure]:
+    cameras = ablation.study.cameras
+    estimates = [(camera, camera.answer) for camera in cameras if camera.answer is not None]
+    true = {c.domain: visaug.Camera.load(c.file).values() for c in cameras if c.answer is None}
+    if estimates:
+        yield Text(
+            "Each camera was estimated from pictures of its domain alone; their labels were not used. Noise is given in steps"
+            " of the 8-bit pictures (DN), which is what a network sees; electrons are that times the gain."
+        )
+        rows = [row for camera, _ in estimates for row in _rows(camera, true.get(camera.domain))]
+        head = ["camera", "pictures", "parameter", "true", "estimated"]
+        yield Table(head, rows, "Estimated with 95 % intervals.")
+    for camera, answer in estimates:
+        for line in answer.get("warnings", []):
+            yield Text(f"{camera.name}: {line}.", "note")
+    yield _pictures(ablation)
+
+
+def _rows(camera: TargetCamera, true: dict[str, float] | None) -> Iterator[list[str]]:
+    found = (camera.answer or {})["parameters"]
+    stated = {
+        "gain_e_per_dn": "gain, e-/DN",
+        "black_level_dn": "black level, DN",
+        "read_noise.sigma_e": "read noise, DN",
+        "row_noise.sigma_e": "row noise, DN",
+        "dsnu.column_e": "column pattern, DN",
+        "dsnu.pixel_e": "pixel pattern, DN",
+    }
+    for key, label in stated.items():
+        in_dn = key.endswith("_e")
+        gain = found["gain_e_per_dn"]["value"] if in_dn else 1.0
+        estimate, known = "not determined", ""
+        if key in found:
+            value, low, high = (found[key][end] / gain for end in ("value", "low", "high"))
+            estimate = f"{value:.3g} [{low:.3g}, {high:.3g}]"
+        if true is not None:
+            known = f"{true.get(key, 0.0) / (true['gain_e_per_dn'] if in_dn else 1.0):.3g}"
+        yield [camera.name, str(camera.pictures), label, known, estimate]
+
+
+def _pictures(ablation: "Ablation") -> Figure:
+    """For each camera: two of the test pictures, and a clean training image as its noise makes it."""
+    study = ablation.study
+    shown = [("clean training image", read_pixels(file) / 255) for file in study.training_images.files[:2]]
+    clean = torch.from_numpy(np.stack([image for _, image in shown])[:, None]).float()
+    for domain in target_sets(ablation):
+        taken = study.tests[domain].files[:2]
+        shown += [(f"{domain}: test picture", read_pixels(file) / 255) for file in taken]
+    parts = [study.config.arm(name).vis for name in study.config.arms]
+    for camera in study.cameras:
+        for vis in [part for part in parts if part is not None and str(camera.file) in part.cameras][:1]:
+            with torch.random.fork_rng(devices=[]), torch.no_grad():
+                torch.manual_seed(0)
+                noisy = vis_noise(vis.model_copy(update={"camera": str(camera.file), "p": 1.0}))(clean)
+            shown += [(f"clean, {camera.name}", image) for image in noisy[:, 0].numpy()]
+    titles, pictures = zip(*shown)
+    return figure(
+        plot_images(pictures, titles, columns=4, limits=(0, 1)),
+        "Pictures of the test sets, and clean training images with the noise of each camera.",
+        raster=True,
+    )
