@@ -13,12 +13,6 @@ from visaug_train.reduction import read_pixels
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-CAUSES = {
-    "distance_m": "distance, m",
-    "aspect_deg": "line of sight to body axis, deg",
-    "brightness": "brightness of the target's box",
-}
-
 
 def plot_dependence(evaluations: Mapping[str, Sequence[Evaluation]]) -> "Figure":
     """Mean score against distance, attitude and brightness, in bins of equally many images.
@@ -26,10 +20,15 @@ def plot_dependence(evaluations: Mapping[str, Sequence[Evaluation]]) -> "Figure"
     Args:
         evaluations: arm -> the evaluations of its seeds on one domain.
     """
+    causes = {
+        "distance_m": "distance, m",
+        "aspect_deg": "line of sight to body axis, deg",
+        "brightness": "brightness of the target's box",
+    }
     with styled():
         figure = blank(8.0, 2.7)
-        panels = figure.subplots(1, len(CAUSES), sharey=True)
-        for axes, (cause, label) in zip(panels, CAUSES.items()):
+        panels = figure.subplots(1, len(causes), sharey=True)
+        for axes, (cause, label) in zip(panels, causes.items()):
             for (arm, several), colour in zip(evaluations.items(), ARM_COLOURS * 4):
                 score = np.mean([e.table["oks_paper"] for e in several], axis=0)
                 value = several[0].table[cause]
@@ -48,18 +47,15 @@ def plot_dependence(evaluations: Mapping[str, Sequence[Evaluation]]) -> "Figure"
 
 def plot_gallery(evaluation: Evaluation, indices: Sequence[int] | np.ndarray) -> "Figure":
     """Truth and the likeliest prediction on some images."""
-    images, points, found, boxes, found_boxes, titles = [], [], [], [], [], []
+    targets, shown = evaluation.targets, []
     for i in indices:
-        each = evaluation.detections[i]
+        each, inside = evaluation.detections[i], targets.inside[i]
         best = int(np.argmax(each.scores)) if len(each) else None
-        inside = evaluation.targets.inside[i]
-        images.append(read_pixels(evaluation.poses.files[i]))
-        points.append(evaluation.targets.points[i][inside])
-        found.append(None if best is None else each.points[best][inside])
-        boxes.append(evaluation.targets.boxes[i])
-        found_boxes.append(None if best is None else each.boxes[best])
-        titles.append(f"{evaluation.domain} {i + 1}: OKS {evaluation.table['oks_paper'][i]:.2f}")
-    return plot_predictions(images, points, found, boxes, found_boxes, titles)
+        found = (None, None) if best is None else (each.points[best][inside], each.boxes[best])
+        title = f"{evaluation.domain} {i + 1}: OKS {evaluation.table['oks_paper'][i]:.2f}"
+        image, truth = read_pixels(evaluation.poses.files[i]), targets.points[i][inside]
+        shown.append((image, truth, found[0], targets.boxes[i], found[1], title))
+    return plot_predictions(*zip(*shown))
 
 
 def plot_scores(

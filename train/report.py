@@ -17,19 +17,16 @@ from visaug_train.reduction import read_pixels
 from visaug_train.results import Ablation
 from visaug_train.studies.hidden import proof_sections
 from visaug_train.studies.target import target_sections, transductive
-from visaug_train.tables import MEASURES, WHICH_OKS, by_chance, marked, overview_table
+from visaug_train.tables import MEASURES, WHICH_OKS, by_chance, marked, overview_table, score_table
 from visaug_train.training import batch_noise
-
-DETECTION, KEYPOINTS = ("box_ap", "iou"), ("keypoint_ap_paper", "oks_paper")
-KEYPOINTS_COCO = ("keypoint_ap_coco", "oks_coco")
 
 
 def write_report(ablation: Ablation) -> Path:
     """Write report.html into the config's output; returns its path."""
+    seeds = ", ".join(map(str, ablation.config.seeds))
     page = Page(
         f"Ablation: {ablation.config.name}",
-        f"{len(ablation.means)} arms, seeds {', '.join(map(str, ablation.config.seeds))}; the same hyperparameters in all arms "
-        "but for those that an arm sets.",
+        f"{len(ablation.means)} arms, seeds {seeds}; the same hyperparameters in all arms but for those that an arm sets.",
         [
             *target_sections(ablation),
             *proof_sections(ablation),
@@ -57,13 +54,12 @@ def _strength(ablation: Ablation) -> list[Section]:
     """Noise that the arms add, beside the noise of the images."""
     if ablation.noise is None:
         return []
-    table = ablation.noise.table()
     text = (
         "Standard deviations in 8-bit levels at the size of the network's input. An arm whose noise is below that of the "
         "training images can hardly change what the network learns. Figures of images are those of white noise alone: "
         'row noise, column patterns and other structure are not included. "none": no area of this level.'
     )
-    blocks: list[Text | Table] = [Text(text), Table(table.head, table.rows, f"{table.title}.")]
+    blocks: list[Text | Table] = [Text(text), ablation.noise.table().block()]
     blocks += [Text(f"Warning: {line}.", "note") for line in ablation.noise.warnings()]
     return [Section("Strength of the noise", blocks)]
 
@@ -79,36 +75,47 @@ def timing_section(ablation: Ablation, seconds: Mapping[str, float] | None = Non
 
 
 def _results(ablation: Ablation) -> Iterator[Text | Table | Figure]:
-    config = ablation.config
+    config, seen = ablation.config, transductive(ablation.study)
     most_abreast = 2  # arms beside the baseline that fit into the page's width
     overview = overview_table(ablation.means, ablation.differences, config.baseline, most=most_abreast)
-    overview = marked(overview, transductive(ablation.study))
-    yield Table(overview.head, overview.rows, f"{overview.title}.")
-    for name in config.arms:
-        if why := config.arms[name].why:
-            yield Text(f"Arm {name}: {why}.")
+    yield marked(overview, seen).block()
+    for name, arm in config.arms.items():
+        if arm.why:
+            yield Text(f"Arm {name}: {arm.why}.")
     for sentence in _findings(ablation):
         yield Text(sentence, "finding")
-    yield _score_table(ablation, DETECTION, "Target detection, in the form of the paper's table 2.")
-    yield _score_table(
-        ablation,
-        KEYPOINTS,
-        "Keypoint regression, in the form of the paper's table 3; OKS by the paper's definition (sigma "
-        "1/11, area of the box).",
-    )
-    yield _score_table(
-        ablation, KEYPOINTS_COCO, "The same predictions by COCO's definition (2 sigma, 0.53 of the area)."
-    )
-    if ablation.config.published:
+    detection, keypoints = ("box_ap", "iou"), ("keypoint_ap_paper", "oks_paper")
+    captions = {
+        detection: "Target detection, in the form of the paper's table 2.",
+        keypoints: "Keypoint regression, in the form of the paper's table 3; OKS by the paper's definition (sigma 1/11, area of "
+        "the box).",
+        (
+            "keypoint_ap_coco",
+            "oks_coco",
+        ): "The same predictions by COCO's definition (2 sigma, 0.53 of the area).",
+    }
+    domains = list(ablation.study.tests)
+    for measures, caption in captions.items():
+        head = ["arm", *(_label(measure) for _ in domains for measure in measures)]
+        groups = [("", 1), *((domain, len(measures)) for domain in domains)]
+        yield Table(head, score_table("", ablation.means, measures).rows, caption, groups=groups)
+    if config.published:
         yield Text(WHICH_OKS, "note")
     if ablation.differences:
-        yield _difference_table(ablation)
+        measures = (detection[0], *keypoints)  # more do not fit; differences.csv has all
+        found = {(d.arm, d.domain, d.measure): str(d) for d in ablation.differences}
+        pairs = dict.fromkeys((d.arm, d.domain) for d in ablation.differences)
+        head = ["arm", "test set", *(_label(m).removesuffix(" mean") for m in measures)]
+        caption = (
+            f"Differences to {config.baseline}, with 95 % intervals; keypoints by the paper's definition."
+        )
+        yield Table(head, [[*pair, *(found[(*pair, m)] for m in measures)] for pair in pairs], caption)
         yield Text(f"95 % intervals: {ablation.interval_covers}.", "note")
         yield Text(by_chance(ablation.differences), "note")
     if weights := ablation.tables().get("weights"):
-        yield Table(weights.head, weights.rows, f"{weights.title}.")
+        yield weights.block()
         yield Text(weights.note, "note")
-    for arm, sentence in transductive(ablation.study).items():
+    for arm, sentence in seen.items():
         yield Text(f"† {arm}: {sentence}.", "note")
     if ablation.mixed:
         yield Text(ablation.mixed, "note")
@@ -116,71 +123,49 @@ def _results(ablation: Ablation) -> Iterator[Text | Table | Figure]:
         yield Text(f"Failed: {failure.arm}, seed {failure.seed}: {failure.error}", "note")
 
 
-def _score_table(ablation: Ablation, measures: tuple[str, ...], caption: str) -> Table:
-    domains = list(ablation.study.tests)
-    # The caption names the definition.
-    head = ["arm", *(MEASURES[m][1].split(" (")[0] for _ in domains for m in measures)]
-    rows = [
-        [arm, *(f"{scores[domain][m]:.4f}" for domain in domains for m in measures)]
-        for arm, scores in ablation.means.items()
-    ]
-    return Table(head, rows, caption, groups=[("", 1), *((domain, len(measures)) for domain in domains)])
-
-
-def _difference_table(ablation: Ablation) -> Table:
-    measures = (DETECTION[0], *KEYPOINTS)  # more do not fit; differences.csv has all
-    found = {(d.arm, d.domain, d.measure): d for d in ablation.differences}
-    pairs = list(dict.fromkeys((d.arm, d.domain) for d in ablation.differences))
-    rows = [[arm, domain, *(str(found[arm, domain, m]) for m in measures)] for arm, domain in pairs]
-    head = ["arm", "test set", *(MEASURES[m][1].split(" (")[0].removesuffix(" mean") for m in measures)]
-    caption = f"Differences to {ablation.config.baseline}, with 95 % intervals; keypoints by the paper's definition."
-    return Table(head, rows, caption)
+def _label(measure: str) -> str:
+    """Of a measure under a caption that names the definition."""
+    return MEASURES[measure][1].split(" (")[0]
 
 
 def _findings(ablation: Ablation) -> Iterator[str]:
     """The conclusion from the keypoint AP: significant changes, or that there are none."""
     for arm in ablation.means:
         mine = [d for d in ablation.differences if d.arm == arm and d.measure == "keypoint_ap_coco"]
-        clear = [
+        said = [
             f"{'higher' if d.low > 0 else 'lower'} on {d.domain}, {d.reference + d.difference:.3f} instead of "
             f"{d.reference:.3f} ({d})"
             for d in mine
-            if d.low > 0 or d.high < 0
+            if d.clear
         ]
-        open_ = [d.domain for d in mine if d.low <= 0 <= d.high]
-        if open_:
-            clear.append(f"no clear change on {', '.join(open_)}")
-        if clear:
-            yield f"Arm {arm}, keypoint AP50-95 (COCO) against {ablation.config.baseline}: {'; '.join(clear)}."
+        unclear = [d.domain for d in mine if d.low <= 0 <= d.high]
+        said += [f"no clear change on {', '.join(unclear)}"] if unclear else []
+        if said:
+            yield f"Arm {arm}, keypoint AP50-95 (COCO) against {ablation.config.baseline}: {'; '.join(said)}."
 
 
 def _images(ablation: Ablation) -> Iterator[Text | Figure]:
     config = ablation.config
-    domain, poses = next(iter(ablation.study.tests.items()))
+    (domain, poses), *others = ablation.study.tests.items()
     files = [poses.files[i] for i in np.linspace(0, len(poses) - 1, 4).astype(int)]
     clean = np.stack([read_pixels(file) for file in files]).astype(np.float32) / 255
     pictures, titles = list(clean), [f"{domain}, clean"] * 4
     for name in config.arms:
-        arm = config.arm(name)
         with torch.random.fork_rng(devices=[]), torch.no_grad():
             torch.manual_seed(0)
             batch = torch.from_numpy(clean)[:, None].repeat(1, 3, 1, 1)
-            pictures += list(batch_noise(arm)(batch)[:, 0].numpy())
+            pictures += list(batch_noise(config.arm(name))(batch)[:, 0].numpy())
         titles += [f"arm {name}"] * 4
     yield figure(
         plot_images(pictures, titles, limits=(0, 1)),
         "The same clean images with the noise of each arm, which is drawn anew whenever an image is used.",
         raster=True,
     )
-    others = [(name, each) for name, each in ablation.study.tests.items() if name != domain]
     if others:
-        shown = [(name, each.files[i]) for name, each in others for i in (0, 1, 2, 3)[: len(each)]]
+        shown = [(name, read_pixels(file) / 255) for name, each in others for file in each.files[:4]]
+        names, pictures = zip(*shown)
         yield figure(
-            plot_images(
-                [read_pixels(file) / 255 for _, file in shown], [name for name, _ in shown], limits=(0, 1)
-            ),
-            "Images of the other test sets.",
-            raster=True,
+            plot_images(pictures, names, limits=(0, 1)), "Images of the other test sets.", raster=True
         )
     vis = next((arm.vis for arm in map(config.arm, config.arms) if arm.vis), None)
     if vis is not None:
@@ -210,30 +195,20 @@ def _predictions(ablation: Ablation) -> Section:
     """Best and worst predictions of the last arm's first seed on each test set."""
     arm = list(ablation.means)[-1]
     seed = ablation.seeds(arm)[0]
-    evaluations = ablation.scored[arm, seed][1]
-    blocks = [
-        figure(
-            plot_gallery(each, indices),
-            f"{domain}: {what} predictions of arm {arm} by OKS (the paper's definition), seed {seed}.",
-            raster=True,
-        )
-        for domain, each in evaluations.items()
-        for what, indices in (("best", each.worst_first()[::-1][:4]), ("worst", each.worst_first()[:4]))
-    ]
+    blocks = []
+    for domain, each in ablation.scored[arm, seed][1].items():
+        worst_first = each.worst_first()
+        for what, indices in (("best", worst_first[::-1][:4]), ("worst", worst_first[:4])):
+            said = f"{domain}: {what} predictions of arm {arm} by OKS (the paper's definition), seed {seed}."
+            blocks.append(figure(plot_gallery(each, indices), said, raster=True))
     return Section("Predictions", blocks)
 
 
 def _dependence(ablation: Ablation) -> Section:
     """Scores against the conditions of the images."""
-    blocks = []
+    blocks, scored = [], ablation.scored
     for domain in ablation.study.tests:
-        found = {
-            arm: [ablation.scored[arm, s][1][domain] for s in ablation.seeds(arm)] for arm in ablation.means
-        }
-        blocks.append(
-            figure(
-                plot_dependence(found),
-                f"{domain}: OKS (the paper's definition) against distance, attitude and brightness.",
-            )
-        )
+        found = {arm: [scored[arm, s][1][domain] for s in ablation.seeds(arm)] for arm in ablation.means}
+        said = f"{domain}: OKS (the paper's definition) against distance, attitude and brightness."
+        blocks.append(figure(plot_dependence(found), said))
     return Section("Scores against distance, attitude and brightness", blocks)
