@@ -13,7 +13,6 @@ import visaug
 from visaug.effects import catalogue
 from visaug_train import demo
 from visaug_train.parallel import Workers
-from visaug_train.studies import laboratory
 from visaug_train.training import train_run
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
@@ -38,8 +37,7 @@ def quick_diagnosis(monkeypatch):
     tried = {"amplifier_glow", "row_noise"}  # few, so that the test is fast
     without = [name for name, effect in catalogue().items() if not effect.base and name not in tried]
     monkeypatch.setattr(visaug, "diagnose", partial(visaug.diagnose, sets=60, without=without))
-    for module in (laboratory, demo):
-        monkeypatch.setattr(module, "RESOLUTION", (48, 64))
+    monkeypatch.setattr(demo, "RESOLUTION", (48, 64))
 
 
 @pytest.mark.slow

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import visaug
+from visaug_train.demo import BIASES, FLATS, LEVELS, data_sheet, take_frames
 from visaug_train.render.independent_camera import LIGHTBOX_CAMERA
-from visaug_train.studies.laboratory import BIASES, FLATS, LEVELS, data_sheet, take_frames
 
 SHAPE = (64, 96)
 

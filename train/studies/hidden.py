@@ -156,7 +156,7 @@ def kept_diagnosis(
     found: Path,
     stated: visaug.Camera,
     frames: Callable[[], FrameSet],
-    spreads: Callable[[visaug.Camera], dict[str, Any]],
+    spreads: Callable[[visaug.Camera], dict[str, Any]] | None = None,
     **options: Any,
 ) -> dict[str, Any]:
     """The answer of a diagnosis of frames, starting from the stated camera, and `found`, the camera that it gives; made once.
@@ -165,13 +165,15 @@ def kept_diagnosis(
         answer, found: the files.
         stated: the camera's file.
         frames: takes them.
-        spreads: `randomize` of the camera that is found.
+        spreads: what `randomize` of the camera that is found is to be; as it was where left out.
         options: of `visaug.diagnose`.
     """
     if not answer.is_file():
         diagnosis = visaug.diagnose(stated, frames(), **options)
-        content = diagnosis.camera.to_dict() | {"randomize": spreads(diagnosis.camera)}
-        visaug.Camera.load(content).save(found)
+        camera = diagnosis.camera
+        if spreads is not None:
+            camera = visaug.Camera.load(camera.to_dict() | {"randomize": spreads(camera)})
+        camera.save(found)
         write_json(answer, diagnosis.to_json())  # last: where it stands, the camera does
     return read_json(answer)
 

@@ -6,34 +6,25 @@ from pathlib import Path
 import visaug
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
-from visaug.core.files import write_json
 from visaug.core.progress import Progress
 from visaug.report.headline import comparison_headline
 from visaug.report.html import Section, Text
 from visaug.report.next_step import Inputs
 from visaug.report.pages import diagnosis_sections, where_table
 from visaug.report.views import ViewGallery
+from visaug_train.studies.hidden import kept_diagnosis
 
 FRAMES = Path(visaug.__file__).parent / "data" / "hidden_effect"
 REAL = FRAMES.with_name("ccd12")
 
 
 def hidden_effect_sections(output: Path, seed: int = 0, progress: Progress | None = None) -> list[Section]:
-    """Diagnose the frames that come with the package; an answer of an earlier call with this seed is kept.
-
-    Args:
-        output: folder for diagnosis.json and the better camera.yaml.
-        seed: of the diagnosis.
-        progress: called with (description, done, total).
-    """
+    """Diagnose the frames that come with the package; an answer of an earlier call with this seed is kept in `output`."""
     camera = visaug.Camera.load(FRAMES / "camera.yaml")
     frames = visaug.FrameSet.load(FRAMES, resolution=camera.resolution)
-    answer, better_file = output / f"diagnosis-{seed}.json", output / f"camera-{seed}.yaml"
-    if not answer.is_file():
-        diagnosis = visaug.diagnose(camera, frames, seed=seed, progress=progress)
-        diagnosis.camera.save(better_file)
-        write_json(answer, diagnosis.to_json())  # last: where it stands, the camera does
-    return story_sections(camera, frames, answer, better_file, seed)
+    answer, found = output / f"diagnosis-{seed}.json", output / f"camera-{seed}.yaml"
+    kept_diagnosis(answer, found, camera, lambda: frames, seed=seed, progress=progress)
+    return story_sections(camera, frames, answer, found, seed)
 
 
 def story_sections(
