@@ -4,7 +4,6 @@ Unpacking goes on where it was stopped, into ``NAME.partial``, which gets its na
 checked.
 """
 
-import bz2
 import gzip
 import lzma
 import os
@@ -12,8 +11,9 @@ import shutil
 import tarfile
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import IO
 
@@ -21,7 +21,7 @@ from visaug.core.errors import InputError
 from visaug.core.files import whole_file, write_json
 from visaug.core.progress import Progress
 from visaug_train.convert import coco_annotations, convert
-from visaug_train.datasets import READERS, domains, keypoints_of, read_poses, reader_of, root_among
+from visaug_train.datasets import READERS, domains, keypoints_of, read_poses, reader_of
 from visaug_train.speed import PoseSet
 
 LISTS = ("camera.json", "train.json")  # of which the uppermost folder of a dataset holds one
@@ -63,12 +63,12 @@ def prepare_archive(
                 )
         check(destination)
         return destination
-    partial = destination.with_name(destination.name + ".partial")
-    unpack(archive, partial, progress)
-    check(partial / inside)
-    (partial / inside).rename(destination)
-    if partial.exists():
-        shutil.rmtree(partial)
+    unfinished = destination.with_name(destination.name + ".partial")
+    unpack(archive, unfinished, progress)
+    check(unfinished / inside)
+    (unfinished / inside).rename(destination)
+    if unfinished.exists():
+        shutil.rmtree(unfinished)
     return destination
 
 
@@ -77,16 +77,15 @@ def unpack(archive: Path, folder: Path, progress: Progress | None = None) -> Non
     for done, (name, size, total, read) in enumerate(_members(archive), start=1):
         path = PurePosixPath(name)
         if path.is_absolute() or ".." in path.parts:
-            raise InputError(
-                f"holds {name}, which would lie outside", file=archive, expected="a SPEED archive"
-            )
+            problem = f"holds {name}, which would lie outside"
+            raise InputError(problem, file=archive, expected="a SPEED archive")
         target = folder / path
         if not target.is_file() or target.stat().st_size != size:
             with (
                 _whole(archive),
                 whole_file(target) as temporary,
-                temporary.open("wb") as out,
                 read() as content,
+                temporary.open("wb") as out,
             ):
                 shutil.copyfileobj(content, out)
         if progress:
@@ -98,25 +97,32 @@ def find_root(folder: Path) -> Path:
     if reader_of(folder) is not None:
         return folder
     marks = [*LISTS, *(mark for reader in READERS for mark in reader.marks)]
-    depths = ("", "*/", "*/*/", "*/*/*/")
-    found = [path for depth in depths for mark in marks for path in folder.glob(depth + mark)]
+    found = [path for depth in range(4) for mark in marks for path in folder.glob("*/" * depth + mark)]
     return folder / _root([PurePosixPath(path.relative_to(folder)) for path in found], folder)
 
 
 def _root(files: list[PurePosixPath], where: Path) -> PurePosixPath:
     """The uppermost folder among these files that has a reader's layout, or else SPEED's; `synthetic` is a part of SPEED+."""
-    inside = root_among(files)
-    if inside is not None:
-        return inside
-    lists = [path for path in files if path.name in LISTS and len(path.parts) <= 4]
-    folders = {path.parent for path in lists if path.parent.name != "synthetic"}
-    if not folders:
+
+    def roots(marks: Iterable[str]) -> set[PurePosixPath]:
+        """At most three levels down."""
+        lengths = {mark: len(PurePosixPath(mark).parts) for mark in marks}
+        return {
+            path.parents[length - 1]
+            for mark, length in lengths.items()
+            for path in files
+            if path.match(mark) and len(path.parts) - length <= 3
+        }
+
+    found = roots(mark for reader in READERS for mark in reader.marks)
+    found = found or {root for root in roots(LISTS) if root.name != "synthetic"}
+    if not found:
         raise InputError(
             "has no SPEED or SPEED+ layout, nor that of " + ", ".join(reader.name for reader in READERS),
             file=where,
             expected="camera.json or train.json in it",
         )
-    return min(folders, key=lambda path: (len(path.parts), str(path)))
+    return min(found, key=lambda path: (len(path.parts), str(path)))
 
 
 def check(root: Path) -> dict[str, PoseSet]:
@@ -201,17 +207,25 @@ def _members(archive: Path) -> Iterator[tuple[str, int, int, Callable[[], IO[byt
     with _whole(archive):
         if zipfile.is_zipfile(archive):
             with zipfile.ZipFile(archive) as opened:
-                files = [info for info in opened.infolist() if not info.is_dir()]
-                for info in files:
-                    yield info.filename, info.file_size, len(files), lambda info=info: opened.open(info)
+                infos = [info for info in opened.infolist() if not info.is_dir()]
+                for info in infos:
+                    yield info.filename, info.file_size, len(infos), partial(opened.open, info)
         elif tarfile.is_tarfile(archive):
-            _check_stream(archive)
-            with tarfile.open(archive) as opened:
-                files = [member for member in opened.getmembers() if member.isfile()]
-                for member in files:
-                    yield member.name, member.size, len(files), lambda m=member: opened.extractfile(m)  # type: ignore[return-value]
+            with tarfile.open(archive) as tar:
+                members = [member for member in tar.getmembers() if member.isfile()]
+                # to the end, where the checksum of a compressed one is: tarfile stops before
+                while tar.fileobj and tar.fileobj.read(2**20):
+                    pass
+                for member in members:
+                    yield member.name, member.size, len(members), partial(_content, tar, member)
         else:
             raise InputError("is no archive that can be read", file=archive, expected="zip or tar")
+
+
+def _content(tar: tarfile.TarFile, member: tarfile.TarInfo) -> IO[bytes]:
+    content = tar.extractfile(member)
+    assert content is not None  # a regular file
+    return content
 
 
 def _check_file(archive: Path) -> None:
@@ -222,34 +236,11 @@ def _check_file(archive: Path) -> None:
 @contextmanager
 def _whole(archive: Path) -> Iterator[None]:
     """What a damaged, encrypted or oddly packed archive raises, in one line."""
+    broken = (zipfile.BadZipFile, tarfile.TarError, EOFError, zlib.error, lzma.LZMAError, gzip.BadGzipFile)
     try:
         yield
-    except (
-        zipfile.BadZipFile,
-        tarfile.TarError,
-        EOFError,
-        zlib.error,
-        lzma.LZMAError,
-        gzip.BadGzipFile,
-    ) as error:
+    except broken as error:
         raise InputError(f"is damaged ({error})", file=archive, expected="a whole download") from None
-    except (
-        NotImplementedError,
-        RuntimeError,
-    ) as error:  # raised by zipfile for unknown compression and encryption
-        raise InputError(
-            f"cannot be unpacked ({error})", file=archive, expected="zip or tar as published"
-        ) from None
-
-
-def _check_stream(archive: Path) -> None:
-    """Read a compressed tar to its end, where its checksum is: tarfile stops before, and has none of the content."""
-    with archive.open("rb") as file:
-        head = file.read(6)
-    opener = {b"\x1f\x8b": gzip.open, b"BZ": bz2.open}.get(head[:2]) or (
-        lzma.open if head == b"\xfd7zXZ\0" else None
-    )
-    if opener:
-        with opener(archive) as stream:
-            while stream.read(2**20):
-                pass
+    except (NotImplementedError, RuntimeError) as error:  # of zipfile for unknown compression and encryption
+        problem = f"cannot be unpacked ({error})"
+        raise InputError(problem, file=archive, expected="zip or tar as published") from None

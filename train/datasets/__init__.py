@@ -1,20 +1,18 @@
-"""Readers of pose data, one file each: what domains a folder has, and the images of one of them with their labels.
+"""Readers of pose data: what domains a folder has, and the images of one of them with their labels.
 
 A folder that no reader recognises is taken for SPEED's or SPEED+'s layout (`visaug_train.speed`).
 """
 
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug_train import speed
 from visaug_train.datasets.bop import BOP
 from visaug_train.datasets.coco import COCO
+from visaug_train.datasets.pose_tables import SPACESENSE, SPARK
 from visaug_train.datasets.reader import Reader
-from visaug_train.datasets.shirt import SHIRT
-from visaug_train.datasets.spacesense import SPACESENSE
-from visaug_train.datasets.spark import SPARK
-from visaug_train.datasets.spe3r import SPE3R
+from visaug_train.datasets.stanford import SHIRT, SPE3R
 from visaug_train.geometry import Keypoints
 from visaug_train.speed import PoseSet
 
@@ -39,15 +37,7 @@ def domains(root: str | Path) -> dict[str, tuple[str, ...]]:
 def read_poses(
     root: str | Path, domain: str, split: str | None = None, seed: int = 0, labels: bool = True
 ) -> PoseSet:
-    """The images of a domain, checked.
-
-    Args:
-        root: the data set.
-        domain: one of `domains`.
-        split: train, validation or test; left out, it is the domain's test split, else validation, else train.
-        seed: of the random split of SPEED's one list.
-        labels: refuse images without labels.
-    """
+    """The images of a domain, checked; see `visaug_train.speed.read_poses`."""
     reader, root = reader_of(root), Path(root)
     if reader is None:
         return speed.read_poses(root, domain, split, seed, labels)
@@ -94,15 +84,3 @@ def names_of(root: str | Path) -> dict[str, set[str]]:
         records = records if isinstance(records, list) else []
         found[name] = {str(record.get("filename")) for record in records if isinstance(record, dict)}
     return found
-
-
-def root_among(paths: list[PurePosixPath]) -> PurePosixPath | None:
-    """The uppermost folder that has a reader's layout, at most three levels down; None where there is none."""
-    found = {
-        path.parents[len(PurePosixPath(mark).parts) - 1]
-        for reader in READERS
-        for mark in reader.marks
-        for path in paths
-        if path.match(mark) and len(path.parts) - len(PurePosixPath(mark).parts) <= 3
-    }
-    return min(found, key=lambda path: (len(path.parts), str(path)), default=None)

@@ -36,52 +36,47 @@ def _folders(root: Path) -> dict[tuple[str, str], Path]:
 def _read(root: Path, domain: str, split: str) -> PoseSet:
     folder = _folders(root)[domain, split]
     files: list[Path] = []
-    turns: list[np.ndarray] = []
-    shifts: list[np.ndarray] = []
-    boxes: list[np.ndarray] = []
-    matrix, objects = None, set()
+    rows, matrix, objects = [], None, set()
     for listing in sorted(folder.glob("*/scene_camera.json")):
         scene = listing.parent
-        cameras, truths = _table(listing), _optional(scene / "scene_gt.json")
-        infos, images = _optional(scene / "scene_gt_info.json"), _images(scene)
+        poses, details = scene / "scene_gt.json", scene / "scene_gt_info.json"
+        cameras, images = _table(listing), _images(scene)
+        truths, infos = (_table(file) if file.is_file() else {} for file in (poses, details))
         for key in sorted(cameras, key=int):
             if int(key) not in images:
-                raise InputError(
-                    "names an image that is missing", file=listing, field=key, expected=f"{scene}/rgb"
-                )
+                expected = f"{scene}/rgb"
+                raise InputError("names an image that is missing", file=listing, field=key, expected=expected)
             own = numbers_of(cameras[key], "cam_K", 9, listing, key).reshape(3, 3)
             matrix = own if matrix is None else matrix
             if not np.allclose(own, matrix, rtol=0, atol=1e-6):
-                raise InputError(
-                    "differs", file=listing, field=f"{key}.cam_K", expected="one camera in the set"
-                )
-            truth = _only(truths.get(key, []), scene / "scene_gt.json", key)
-            files.append(images[int(key)])
-            if truth is None:
-                turns.append(np.full(9, np.nan))
-                shifts.append(np.full(3, np.nan))
-            else:
+                field = f"{key}.cam_K"
+                raise InputError("differs", file=listing, field=field, expected="one camera in the set")
+            row = np.full(16, np.nan)  # rotation, translation, and the visible part's box as x0 y0 x1 y1
+            if (truth := _only(truths.get(key, []), poses, key)) is not None:
                 objects.add(truth.get("obj_id"))
-                turns.append(numbers_of(truth, "cam_R_m2c", 9, scene / "scene_gt.json", key))
-                shifts.append(numbers_of(truth, "cam_t_m2c", 3, scene / "scene_gt.json", key) * M_PER_MM)
-            info = _only(infos.get(key, []), scene / "scene_gt_info.json", key)
-            boxes.append(_box(info, scene / "scene_gt_info.json", key))
+                row[:9] = numbers_of(truth, "cam_R_m2c", 9, poses, key)
+                row[9:12] = numbers_of(truth, "cam_t_m2c", 3, poses, key) * M_PER_MM
+            if "bbox_visib" in (info := _only(infos.get(key, []), details, key) or {}):
+                x, y, width, height = numbers_of(info, "bbox_visib", 4, details, key)
+                row[12:] = (x, y, x + width, y + height) if min(width, height) > 0 else np.nan
+            files.append(images[int(key)])
+            rows.append(row)
     if len(objects) > 1:
         raise InputError(f"shows the objects {sorted(objects)}", file=folder, expected="one spacecraft")
     assert matrix is not None  # _folders saw a scene; an empty one is refused by _table
+    turns, shifts, boxes = np.split(np.array(rows), (9, 12), axis=1)
     known = np.isfinite(shifts).all(axis=1)
     if known.any() and not known.all():
         raise InputError("some images have no pose", file=folder, expected="scene_gt.json of all, or of none")
-    rotations = np.array(turns).reshape(-1, 3, 3)
-    quaternions = matrix_quaternions(rotations, folder) if known.all() else np.full((len(files), 4), np.nan)
+    quaternions = np.full((len(files), 4), np.nan)
     return PoseSet(
         f"{domain}/{split}",
         Pinhole(*image_size(files[0]), matrix, np.zeros(5)),
         tuple(files),
-        quaternions,
-        np.array(shifts),
+        matrix_quaternions(turns.reshape(-1, 3, 3), folder) if known.all() else quaternions,
+        shifts,
         keypoints=_corners(root, objects.pop()) if objects else None,
-        boxes=np.array(boxes) if np.isfinite(boxes).any() else None,
+        boxes=boxes if np.isfinite(boxes).any() else None,
         spacecraft="an object of its own",
     )
 
@@ -93,11 +88,12 @@ def _corners(root: Path, number: Any) -> Keypoints | None:
         return None
     info = _table(file).get(str(number))
     if not isinstance(info, dict):
-        raise InputError(
-            "is missing", file=file, field=str(number), expected="min_x ... size_z of this object"
-        )
-    low = np.array([numbers_of(info, f"min_{axis}", 0, file, str(number)) for axis in "xyz"])
-    size = np.array([numbers_of(info, f"size_{axis}", 0, file, str(number)) for axis in "xyz"])
+        expected = "min_x ... size_z of this object"
+        raise InputError("is missing", file=file, field=str(number), expected=expected)
+    low, size = (
+        np.array([numbers_of(info, f"{of}_{axis}", 0, file, str(number)) for axis in "xyz"])
+        for of in ("min", "size")
+    )
     corners = np.array(list(product((0, 1), repeat=3)))
     names = tuple("corner_" + "".join(map(str, corner)) for corner in corners)
     return Keypoints(f"obj_{int(number):06d}", names, (low + corners * size) * M_PER_MM)
@@ -120,23 +116,11 @@ def _table(file: Path) -> dict[str, Any]:
     return content
 
 
-def _optional(file: Path) -> dict[str, Any]:
-    return _table(file) if file.is_file() else {}
-
-
 def _only(entries: Any, file: Path, key: str) -> dict[str, Any] | None:
     """The one entry of an image; None where it has none."""
     if not isinstance(entries, list) or len(entries) > 1 or not all(isinstance(e, dict) for e in entries):
         raise InputError("is not a list of one object", file=file, field=key, expected="one target an image")
     return entries[0] if entries else None
-
-
-def _box(info: dict[str, Any] | None, file: Path, key: str) -> np.ndarray:
-    """The visible part's box as x0 y0 x1 y1; NaN where it is not given."""
-    if info is None or "bbox_visib" not in info:
-        return np.full(4, np.nan)
-    x, y, width, height = numbers_of(info, "bbox_visib", 4, file, key)
-    return np.array([x, y, x + width, y + height]) if min(width, height) > 0 else np.full(4, np.nan)
 
 
 BOP = Reader("BOP", ("*/*/scene_camera.json",), lambda root: by_domain(_folders(root)), _read)

@@ -8,6 +8,7 @@ so there are no pose errors. Images of several sizes or targets are refused.
 """
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,6 @@ from visaug_train.geometry import Keypoints, Pinhole
 from visaug_train.speed import PoseSet, by_domain
 
 SPLIT = re.compile(r"(?:^|[-_. ])((train|validation|val|test)\d*)$")
-KEYS = ("images", "annotations", "categories")
 
 
 def _listings(root: Path) -> dict[tuple[str, str], tuple[Path, str]]:
@@ -39,9 +39,9 @@ def _is_coco(file: Path) -> bool:
         if opened.read(64).lstrip()[:1] != b"{":
             return False
     content = read_json(file)
-    if not all(isinstance(content.get(key), list) for key in KEYS):
+    if not all(isinstance(content.get(key), list) for key in ("images", "annotations", "categories")):
         return False
-    return any(isinstance(c, dict) and isinstance(c.get("keypoints"), list) for c in content["categories"])
+    return any(map(_has_keypoints, content["categories"]))
 
 
 def _read(root: Path, domain: str, split: str) -> PoseSet:
@@ -58,60 +58,39 @@ def _read(root: Path, domain: str, split: str) -> PoseSet:
             sizes.add((int(image["width"]), int(image["height"])))
             str.strip(image["file_name"])
         except (TypeError, KeyError, ValueError):
-            raise InputError(
-                "is malformed",
-                file=listing,
-                field=f"images.{number}",
-                expected="id, file_name, width, height",
-            ) from None
+            field, expected = f"images.{number}", "id, file_name, width, height"
+            raise InputError("is malformed", file=listing, field=field, expected=expected) from None
     if len(rows) < len(images):
         raise InputError("repeats an id", file=listing, field="images", expected="every id once")
     if len(sizes) > 1:
         raise InputError(f"has images of {len(sizes)} sizes", file=listing, expected="images of one camera")
     keypoints, category = _model(content["categories"], listing)
-    boxes = np.full((len(images), 4), np.nan)
-    points = np.zeros((len(images), len(keypoints), 3))
+    boxes, points = np.full((len(images), 4), np.nan), np.zeros((len(images), len(keypoints), 3))
     for number, entry in enumerate(content["annotations"]):
         where = f"annotations.{number}"
         if not isinstance(entry, dict) or entry.get("image_id") not in rows:
-            raise InputError(
-                "names no image", file=listing, field=f"{where}.image_id", expected="an id of images"
-            )
+            field = f"{where}.image_id"
+            raise InputError("names no image", file=listing, field=field, expected="an id of images")
         if entry.get("category_id") != category or entry.get("iscrowd"):
             continue
         row = rows[entry["image_id"]]
         if np.isfinite(boxes[row]).any():
-            raise InputError(
-                "is a second target of its image", file=listing, field=where, expected="one an image"
-            )
+            problem = "is a second target of its image"
+            raise InputError(problem, file=listing, field=where, expected="one an image")
         x, y, width, height = numbers_of(entry, "bbox", 4, listing, where)
         boxes[row] = x, y, x + width, y + height
         points[row] = numbers_of(entry, "keypoints", points[row].size, listing, where).reshape(-1, 3)
     unknown = np.full((len(images), 7), np.nan)
-    width, height = sizes.pop()
     # There is no lens in COCO: only the size of this camera is used.
-    camera = Pinhole(width, height, np.eye(3), np.zeros(5))
+    camera = Pinhole(*sizes.pop(), np.eye(3), np.zeros(5))
     files = _located(root, word, [image["file_name"] for image in images], listing)
-    return PoseSet(
-        f"{domain}/{split}",
-        camera,
-        files,
-        unknown[:, :4],
-        unknown[:, 4:],
-        keypoints,
-        boxes,
-        points,
-        keypoints.name,
-    )
+    poses = PoseSet(f"{domain}/{split}", camera, files, unknown[:, :4], unknown[:, 4:], keypoints, boxes)
+    return replace(poses, points=points, spacecraft=keypoints.name)
 
 
 def _model(categories: list[Any], file: Path) -> tuple[Keypoints, Any]:
     """The one category with keypoints; their places on the body are not known (NaN)."""
-    found = [
-        c
-        for c in categories
-        if isinstance(c, dict) and isinstance(c.get("keypoints"), list) and c["keypoints"]
-    ]
+    found = [c for c in categories if _has_keypoints(c) and c["keypoints"]]
     if len(found) != 1:
         raise InputError(
             f"{len(found)} have keypoints", file=file, field="categories", expected="one that has"
@@ -121,16 +100,19 @@ def _model(categories: list[Any], file: Path) -> tuple[Keypoints, Any]:
     if sigmas is not None:
         sigmas = numbers_of(found[0], "sigmas", len(names), file, "categories")
         if not (sigmas > 0).all():
-            raise InputError(
-                "must be above 0", file=file, field="categories.sigmas", expected="one number a point"
-            )
-    if flip is not None and (not isinstance(flip, list) or sorted(flip) != list(range(len(names)))):
-        raise InputError(
-            "is no order of the points", file=file, field="categories.flip_idx", expected="numbers from 0"
-        )
+            field = "categories.sigmas"
+            raise InputError("must be above 0", file=file, field=field, expected="one number a point")
+    if flip is not None:
+        if not isinstance(flip, list) or sorted(flip) != list(range(len(names))):
+            problem, field = "is no order of the points", "categories.flip_idx"
+            raise InputError(problem, file=file, field=field, expected="numbers from 0")
+        flip = tuple(flip)
     points = np.full((len(names), 3), np.nan)
-    flip = tuple(flip) if flip is not None else None
     return Keypoints(str(found[0].get("name", "target")), names, points, sigmas, flip), found[0].get("id")
+
+
+def _has_keypoints(category: Any) -> bool:
+    return isinstance(category, dict) and isinstance(category.get("keypoints"), list)
 
 
 def _located(root: Path, word: str, names: list[str], listing: Path) -> tuple[Path, ...]:
