@@ -36,59 +36,62 @@ def convert(
 ) -> Path:
     """Write the parts (``train``, ``val``, ...) as a dataset for ultralytics and return its data.yaml.
 
-    Args:
-        size: width and height of resized copies; left out, the images are linked (copied where links are not
-        to be had).
+    `size` is the width and height of resized copies; left out, the images are linked (copied where links are not to be had).
     """
     destination = Path(destination)
-    described = _describe(destination, parts, keypoints, size, reduce, channels)
+    beside, flip = destination.resolve().parent, list(keypoints.flip or ())
+    known = np.isfinite(keypoints.points_m).all()
+    described = {
+        "keypoints": keypoints.points_m.tolist() if known else list(keypoints.names),
+        **({"flip": flip} if flip else {}),
+        "size": list(size) if size else None,
+        "reduce": reduce,
+        "channels": channels,
+        "parts": {name: identity(poses) for name, poses in parts.items()},
+        # Copies stand for themselves; links lead somewhere.
+        "linked": None
+        if size
+        else {name: _way(poses.files[0].parent, destination, beside) for name, poses in parts.items()},
+    }
     data_yaml = destination / "data.yaml"
     content = {
         "path": str(destination.resolve()),  # ultralytics takes a relative one as of its own data folder
         **{name: f"images/{name}" for name in parts},
         "names": {0: keypoints.name},
         "kpt_shape": [len(keypoints), 3],
-        **({"flip_idx": list(keypoints.flip)} if keypoints.flip else {}),
+        **({"flip_idx": flip} if flip else {}),
         "channels": channels,
     }
     if data_yaml.is_file():
         if read_json(destination / "conversion.json") != described:
-            raise InputError(
-                "was converted with other settings or images", file=destination, expected="a new folder"
-            )
+            problem = "was converted with other settings or images"
+            raise InputError(problem, file=destination, expected="a new folder")
         if read_yaml(data_yaml) != content:  # the study was moved
             write_yaml(data_yaml, content)
         return data_yaml
-    partial_folder = destination.with_name(destination.name + ".partial")
-    stamp = partial_folder / "conversion.json"
-    if partial_folder.exists() and not (stamp.is_file() and read_json(stamp) == described):
-        shutil.rmtree(partial_folder)
+    unfinished = destination.with_name(destination.name + ".partial")
+    stamp = unfinished / "conversion.json"
+    if unfinished.exists() and not (stamp.is_file() and read_json(stamp) == described):
+        shutil.rmtree(unfinished)
     write_json(stamp, described)
     total, done = sum(map(len, parts.values())), 0
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         for name, poses in parts.items():
-            labels = label_lines(poses, keypoints)
-            folder = partial_folder / "images" / name
+            folder = unfinished / "images" / name
             folder.mkdir(parents=True, exist_ok=True)
-            copy = partial(
-                _copy,
-                folder=folder,
-                beside=destination.resolve().parent,
-                camera=poses.camera,
-                size=size,
-                reduce=reduce,
-            )
-            for file, target, line in zip(poses.files, pool.map(copy, poses.files, poses.ids), labels):
-                write_text(partial_folder / "labels" / name / f"{target.stem}.txt", line)
+            copy = partial(_copy, folder, beside, poses.camera, size, reduce)
+            copies = pool.map(copy, poses.files, poses.ids)
+            for file, target, line in zip(poses.files, copies, label_lines(poses, keypoints)):
+                write_text(unfinished / "labels" / name / f"{target.stem}.txt", line)
                 if not target.is_file():
                     raise InputError("could not be copied", file=file)
                 done += 1
                 if progress:
                     progress("converting", done, total)
-    write_yaml(partial_folder / "data.yaml", content)
+    write_yaml(unfinished / "data.yaml", content)
     if destination.exists():
         raise InputError("exists and is no converted dataset", file=destination, expected="a new folder")
-    partial_folder.rename(destination)
+    unfinished.rename(destination)
     return data_yaml
 
 
@@ -107,12 +110,9 @@ def label_lines(poses: PoseSet, keypoints: Keypoints) -> list[str]:
 
 
 def coco_annotations(poses: PoseSet, keypoints: Keypoints, files: Sequence[str]) -> dict[str, Any]:
-    """The set as an annotations file of COCO's keypoints, which other networks' trainings read.
+    """The set as an annotations file of COCO's keypoints, which other networks' trainings read, its images named as `files`.
 
-    Args:
-        poses: the set.
-        keypoints: their model.
-        files: the name of each image in the file. Ids count from 1; an image in which no target is seen has no annotation.
+    Ids count from 1; an image in which no target is seen has no annotation.
     """
     targets = poses.targets(keypoints)
     size = {"width": poses.camera.width, "height": poses.camera.height}
@@ -150,43 +150,39 @@ def coco_annotations(poses: PoseSet, keypoints: Keypoints, files: Sequence[str])
 
 def identity(poses: PoseSet) -> dict:
     """Identity of a set of images with poses, independent of its folder."""
+    annotated = {"boxes": poses.boxes, "points": poses.points}
     return {
         "images": len(poses),
         "first": poses.files[0].name,
         "last": poses.files[-1].name,
         "bytes": sum(file.stat().st_size for file in poses.files),
         "poses": float(np.abs(poses.quaternions).sum() + poses.translations.sum()).hex(),
-        **{
-            key: float(np.nansum(value)).hex()
-            for key, value in (("boxes", poses.boxes), ("points", poses.points))
-            if value is not None
-        },
+        **{key: float(np.nansum(value)).hex() for key, value in annotated.items() if value is not None},
     }
 
 
 def _copy(
-    file: Path,
-    name: str,
     folder: Path,
     beside: Path,
     camera: Pinhole,
     size: tuple[int, int] | None,
     reduce: str,
+    file: Path,
+    name: str,
 ) -> Path:
-    flat = name.replace("/", "-")  # ultralytics finds a label by its image's name alone
-    if size is None:
-        target = folder / flat
-        if target.is_file():
-            return target
-        try:
-            target.symlink_to(_way(file, folder, beside))
-        except OSError:  # a file system or an account without links
-            write_bytes(target, file.read_bytes())
+    """A copy of an image, or a link to it."""
+    target = folder / name.replace("/", "-")  # ultralytics finds a label by its image's name alone
+    target = target if size is None else target.with_suffix(".png")
+    if target.is_file():
         return target
-    target = folder / f"{Path(flat).stem}.png"
-    if not target.is_file():
+    if size is not None:
         image = reduced(read_image(file, camera), size, reduce)
         write_bytes(target, cv2.imencode(".png", image)[1].tobytes())
+        return target
+    try:
+        target.symlink_to(_way(file, folder, beside))
+    except OSError:  # a file system or an account without links
+        write_bytes(target, file.read_bytes())
     return target
 
 
@@ -194,28 +190,3 @@ def _way(to: Path, folder: Path, beside: Path) -> str:
     """Where a link in a folder leads: relative if both lie in `beside`, as rendered images do, which may be moved together."""
     to = to.resolve()
     return os.path.relpath(to, folder.resolve()) if to.is_relative_to(beside) else str(to)
-
-
-def _describe(
-    destination: Path,
-    parts: dict[str, PoseSet],
-    keypoints: Keypoints,
-    size: tuple[int, int] | None,
-    reduce: str,
-    channels: int,
-) -> dict:
-    beside = destination.resolve().parent
-    return {
-        "keypoints": keypoints.points_m.tolist()
-        if np.isfinite(keypoints.points_m).all()
-        else list(keypoints.names),
-        **({"flip": list(keypoints.flip)} if keypoints.flip else {}),
-        "size": list(size) if size else None,
-        "reduce": reduce,
-        "channels": channels,
-        "parts": {name: identity(poses) for name, poses in parts.items()},
-        # Copies stand for themselves; links lead somewhere.
-        "linked": None
-        if size
-        else {n: _way(p.files[0].parent, destination, beside) for n, p in parts.items()},
-    }

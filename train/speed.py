@@ -75,21 +75,19 @@ class PoseSet:
         """A name of each image that no other has: the file's, with as many of its folders as that takes:
         `a.png`, or `scene_1/rgb/a.png`.
         """
-        parts = 1
         longest = max((len(file.parts) for file in self.files), default=1)
-        while parts < longest and len({file.parts[-parts:] for file in self.files}) < len(self.files):
-            parts += 1
-        return tuple("/".join(file.parts[-parts:]) for file in self.files)
+        for parts in range(1, longest + 1):
+            found = tuple("/".join(file.parts[-parts:]) for file in self.files)
+            if len(set(found)) == len(found):
+                break
+        return found
 
     def targets(self, keypoints: Keypoints) -> Targets:
         """Boxes and keypoints in pixels: as annotated where they are, else projected by the pose."""
         if self.points is not None:
-            if self.points.shape[1] != len(keypoints):
-                raise InputError(
-                    f"{self.name}: {self.points.shape[1]} keypoints are annotated, the model has {len(keypoints)}",
-                    field="keypoints",
-                    expected="the model of the annotations",
-                )
+            if (count := self.points.shape[1]) != len(keypoints):
+                problem = f"{self.name}: {count} keypoints are annotated, the model has {len(keypoints)}"
+                raise InputError(problem, field="keypoints", expected="the model of the annotations")
             boxes = np.zeros((len(self), 4)) if self.boxes is None else self.boxes
             seen = np.asarray(np.isfinite(boxes).all(axis=1))
             inside = (self.points[..., 2] > 0) & seen[:, None]
@@ -102,14 +100,9 @@ class PoseSet:
 
     def select(self, indices: np.ndarray) -> "PoseSet":
         """The images at `indices`."""
-        return replace(
-            self,
-            files=tuple(self.files[i] for i in indices),
-            quaternions=self.quaternions[indices],
-            translations=self.translations[indices],
-            boxes=None if self.boxes is None else self.boxes[indices],
-            points=None if self.points is None else self.points[indices],
-        )
+        arrays = {name: getattr(self, name) for name in ("quaternions", "translations", "boxes", "points")}
+        chosen = {name: None if array is None else array[indices] for name, array in arrays.items()}
+        return replace(self, files=tuple(self.files[i] for i in indices), **chosen)
 
 
 def is_speed(root: Path) -> bool:
@@ -164,17 +157,19 @@ def listings(root: Path) -> dict[str, tuple[Path, Path]]:
     if not root.is_dir():
         raise InputError(f"{root}: no such folder; expected a SPEED or SPEED+ folder")
     if is_speed(root):
-        names = {
-            "train": "speed/all",
-            "real": "real/test",
-            "test": "test/test",
-            "real_test": "real_test/test",
+        stems = {
+            "speed/all": "train",
+            "real/test": "real",
+            "test/test": "test",
+            "real_test/test": "real_test",
         }
-        files = {name: root / f"{stem}.json" for stem, name in names.items()}
-        return {n: (file, root / "images" / file.stem) for n, file in files.items() if file.is_file()}
-    folders = [folder for folder in sorted(root.iterdir()) if (folder / "images").is_dir()]
-    found = {f"{f.name}/{split}": (f / f"{split}.json", f / "images") for f in folders for split in SPLITS}
-    found = {name: pair for name, pair in found.items() if pair[0].is_file()}
+        places = {name: (root / f"{stem}.json", root / "images" / stem) for name, stem in stems.items()}
+    else:
+        folders = [folder for folder in sorted(root.iterdir()) if (folder / "images").is_dir()]
+        places = {
+            f"{f.name}/{split}": (f / f"{split}.json", f / "images") for f in folders for split in SPLITS
+        }
+    found = {name: place for name, place in places.items() if place[0].is_file()}
     if not found:
         raise InputError(
             f"{root}: expected train.json and images/, or folders like synthetic/ with train.json"
@@ -193,21 +188,18 @@ def read_poses(
     2023) are refused unless `labels` is false.
     """
     root = Path(root)
-    lists, found = listings(root), domains(root)
-    if is_speed(root) and not labels:
+    lists, found, of_speed = listings(root), domains(root), is_speed(root)
+    if of_speed and not labels:
         found |= {name.split("/")[0]: ("test",) for name in lists if name.endswith("test/test")}
     split = chosen_split(found, domain, split, root)
-    is_split = is_speed(root) and domain == "speed"
+    is_split = of_speed and domain == "speed"
     listing, images = lists["speed/all" if is_split else f"{domain}/{split}"]
-    bare = is_speed(root) and not (root / "camera.json").is_file()
+    bare = of_speed and not (root / "camera.json").is_file()
     camera = SPEED_CAMERA if bare else Pinhole.load(root / "camera.json")
     poses = read_listing(listing, images, camera, f"{domain}/{split}")
     if labels and not poses.labelled:
-        raise InputError(
-            "the images have no poses",
-            file=listing,
-            expected="an archive with labels: SPEED+ has those of lightbox and sunlamp since 2023 (speedplusv2)",
-        )
+        expected = "an archive with labels: SPEED+ has those of lightbox and sunlamp since 2023 (speedplusv2)"
+        raise InputError("the images have no poses", file=listing, expected=expected)
     if is_split:
         poses = poses.select(split_indices(len(poses), seed)[split])
     check_images(poses, listing)
@@ -242,44 +234,38 @@ def read_listing(listing: Path, images: Path, camera: Pinhole, name: str) -> Pos
     records = read_json(listing)
     if not isinstance(records, list) or not records:
         raise InputError(f"{listing}: expected a list of records with filename, quaternion and position")
-    files, quaternions, translations = [], [], []
-    unlabelled = not any(isinstance(r, dict) and _pose_of(r) != (None, None) for r in records)
-    for number, record in enumerate(records):
+    files, found = [], []
+    given = [r if isinstance(r, dict) else {} for r in records]
+    turns = [r.get("q_vbs2tango_true", r.get("q_vbs2tango")) for r in given]
+    shifts = [r.get("r_Vo2To_vbs_true") for r in given]
+    unlabelled = all(each is None for each in (*turns, *shifts))
+    for number, (record, turn, shift) in enumerate(zip(given, turns, shifts)):
         where = f"{listing}: record {number}"
-        if not isinstance(record, dict) or not isinstance(record.get("filename"), str):
+        if not isinstance(record.get("filename"), str):
             raise InputError(f"{where}: filename: expected a file name")
         files.append(images / record["filename"])
         if unlabelled:
+            found.append(np.full(7, np.nan))
             continue
-        quaternion, translation = _pose_of(record)
-        quaternions.append(finite_array(quaternion, (4,), f"{where}: q_vbs2tango_true"))
-        translations.append(finite_array(translation, (3,), f"{where}: r_Vo2To_vbs_true"))
-        norm = float(np.linalg.norm(quaternions[-1]))
+        quaternion = finite_array(turn, (4,), f"{where}: q_vbs2tango_true")
+        translation = finite_array(shift, (3,), f"{where}: r_Vo2To_vbs_true")
+        norm = float(np.linalg.norm(quaternion))
         if abs(norm - 1) > 1e-2:
             raise InputError(f"{where}: q_vbs2tango_true: expected a unit quaternion, got length {norm:.4g}")
-        if not translations[-1][2] > 0:
+        if not translation[2] > 0:
             raise InputError(f"{where}: r_Vo2To_vbs_true: expected a target before the camera (z > 0 m)")
+        found.append(np.concatenate([quaternion / norm, translation]))
     if len(set(files)) < len(files):
         raise InputError(f"{listing}: filename: expected every image once")
-    if unlabelled:
-        unknown = np.full((len(files), 7), np.nan)
-        return PoseSet(name, camera, tuple(files), unknown[:, :4], unknown[:, 4:])
-    q = np.array(quaternions)
-    return PoseSet(
-        name, camera, tuple(files), q / np.linalg.norm(q, axis=1, keepdims=True), np.array(translations)
-    )
-
-
-def _pose_of(record: dict) -> tuple[object, object]:
-    return record.get("q_vbs2tango_true", record.get("q_vbs2tango")), record.get("r_Vo2To_vbs_true")
+    poses = np.array(found)
+    return PoseSet(name, camera, tuple(files), poses[:, :4], poses[:, 4:])
 
 
 def check_images(poses: PoseSet, listing: Path) -> None:
     """Refuse a list of images that are not there, or not of the camera's size."""
-    present: dict[Path, set[str]] = {}
-    for folder in {file.parent for file in poses.files}:
-        present[folder] = {entry.name for entry in folder.iterdir()} if folder.is_dir() else set()
-    missing = [file for file in poses.files if file.name not in present[file.parent]]
+    folders = {file.parent for file in poses.files}
+    present = {file for folder in folders if folder.is_dir() for file in folder.iterdir()}
+    missing = [file for file in poses.files if file not in present]
     if missing:
         raise InputError(
             f"{listing}: {len(missing)} of {len(poses)} images are missing, the first is {missing[0]}"
