@@ -8,6 +8,7 @@ image, so that curves differ by what is changed and not by the draw.
 import hashlib
 import shutil
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,16 +36,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Predict = Callable[[PoseSet], list[Detections]]
+Scores = dict[str, float | None]
 
-GAIN_STEPS_DB = (0.0, 6.0, 12.0, 18.0, 24.0, 30.0, 36.0)  # above the camera's own: factors of two up to 64
-LABELS = {
-    "keypoint_ap": "keypoint AP (COCO)",
-    "oks": "OKS (COCO), mean",
-    "position_error": "position error / distance",
-    "attitude_error_deg": "attitude error, deg",
+# score -> its place in a summary, and its label
+SCORES = {
+    "keypoint_ap": (lambda summary: summary["keypoint_ap50_95"]["coco"], "keypoint AP (COCO)"),
+    "oks": (lambda summary: summary["oks"]["coco"], "OKS (COCO), mean"),
+    "position_error": (lambda summary: summary["position_error"], "position error / distance"),
+    "attitude_error_deg": (lambda summary: summary["attitude_error_deg"], "attitude error, deg"),
 }
-SCORES = tuple(LABELS)
-UNITS = {
+LABELS = {
     "gain_db": "gain, dB",
     "exposure": "exposure, share of saturation",
     "temperature_c": "temperature, C",
@@ -66,54 +67,46 @@ class Severity:
     """Curves: `clean` are the scores without noise, `rows` one dictionary a point: axis, value and the scores (None: not known)."""
 
     camera: str
-    clean: dict[str, float | None]
+    clean: Scores
     rows: list[dict[str, Any]]
 
     def to_csv(self) -> str:
         """A line a point; the first are the clean images."""
+        head = ["axis", "value", *SCORES]
         lines = [{"axis": "clean", "value": None, **self.clean}, *self.rows]
-        cells = [
-            ["" if line[key] is None else str(line[key]) for key in ("axis", "value", *SCORES)]
-            for line in lines
-        ]
-        return "\n".join(",".join(row) for row in [["axis", "value", *SCORES], *cells]) + "\n"
+        cells = [["" if line[key] is None else str(line[key]) for key in head] for line in lines]
+        return "".join(",".join(row) + "\n" for row in [head, *cells])
 
     def plot(self) -> "Figure":
         """A row of panels for each score that is known, a panel a kind of change; the dashed line is the clean images."""
         from visaug.report.plots.style import blank, plain, styled
 
+        def kind_of(row: dict[str, Any]) -> str:
+            return row["axis"] if row["axis"] in LABELS else "effect"
+
         scores = [name for name in SCORES if self.clean[name] is not None]
-        kinds = list(dict.fromkeys(_kind(row["axis"]) for row in self.rows))
+        kinds = list(dict.fromkeys(map(kind_of, self.rows)))
         with styled():
             figure = blank(3.0 * len(kinds) + 1.0, 2.2 * len(scores))
             panels = figure.subplots(len(scores), len(kinds), squeeze=False, sharex="col", sharey="row")
             for line, name in zip(panels, scores):
                 for axes, kind in zip(line, kinds):
                     axes.axhline(self.clean[name], color="#7a8594", linestyle="--", linewidth=1)
-                    for axis in dict.fromkeys(r["axis"] for r in self.rows if _kind(r["axis"]) == kind):
-                        points = [(r["value"], r[name]) for r in self.rows if r["axis"] == axis]
-                        x, y = zip(*((x, np.nan if y is None else y) for x, y in points))
+                    rows = [row for row in self.rows if kind_of(row) == kind]
+                    for axis in dict.fromkeys(row["axis"] for row in rows):
+                        points = [(row["value"], row[name]) for row in rows if row["axis"] == axis]
+                        x, y = np.array(points, float).T  # a score that is not known is NaN
                         axes.plot(x, y, marker="o", markersize=3, label=plain(axis))
                     if kind == "exposure":
                         axes.set_xscale("log")
                     if kind == "effect":
                         axes.set_xscale("symlog", linthresh=1)
-                line[0].set_ylabel(LABELS[name])
+                line[0].set_ylabel(SCORES[name][1])
             for axes, kind in zip(panels[-1], kinds):
-                axes.set_xlabel(UNITS.get(kind, "strength of the effect, times the camera's"))
+                axes.set_xlabel(LABELS.get(kind, "strength of the effect, times the camera's"))
             if "effect" in kinds:
                 panels[0][kinds.index("effect")].legend(fontsize=7)
         return figure
-
-    def write(self, folder: Path) -> None:
-        """severity.csv and severity.png."""
-        write_text(folder / "severity.csv", self.to_csv())
-        with whole_file(folder / "severity.png") as temporary:
-            self.plot().savefig(temporary, dpi=120)
-
-
-def _kind(axis: str) -> str:
-    return axis if axis in UNITS else "effect"
 
 
 def points_of(camera: Camera, axes: Sequence[str] | None = None) -> list[SeverityPoint]:
@@ -124,13 +117,19 @@ def points_of(camera: Camera, axes: Sequence[str] | None = None) -> list[Severit
         axes: gain_db, exposure, temperature_c, and names of effects that the camera has; all where left out. Effects of a
             measured map, and those that do not vanish at any value, have no curve.
     """
-    strengths = _strengths(camera)
-    known = [*UNITS, *strengths]
+    own, maps = camera.values(), named_maps(camera.spec)
+    strengths = {
+        effect: {f"{effect}.{n}": own.get(f"{effect}.{n}", 0.0) for n in catalogue()[effect].strengths()}
+        for effect in (*PARTS, *camera.effect_names)
+    }
+    strengths = {e: values for e, values in strengths.items() if any(values.values()) and e not in maps}
+    known = [*LABELS, *strengths]
     for axis in axes or ():
         if axis not in known:
             raise InputError(f"{axis} has no curve", field="--curve", expected=f"one of {', '.join(known)}")
     values = {
-        "gain_db": [camera.spec.gain_db + step for step in GAIN_STEPS_DB],
+        # above the camera's own: factors of two up to 64
+        "gain_db": [camera.spec.gain_db + step for step in (0.0, 6.0, 12.0, 18.0, 24.0, 30.0, 36.0)],
         "exposure": (1.0, 0.3, 0.1, 0.03, 0.01),  # shares of the saturating light, about half a decade each
         "temperature_c": (-20.0, 0.0, 20.0, 40.0, 60.0),  # the industrial range of cameras
     }
@@ -140,33 +139,13 @@ def points_of(camera: Camera, axes: Sequence[str] | None = None) -> list[Severit
         for value in values.get(axis, factors):
             if axis == "exposure":
                 found.append(SeverityPoint(axis, value, camera, value))
-            elif axis in UNITS:
+            elif axis in LABELS:
                 found.append(SeverityPoint(axis, value, camera.replace({axis: value})))
-            elif changed := _scaled(camera, strengths[axis], value):
-                found.append(SeverityPoint(axis, value, changed))
+            else:
+                with suppress(InputError):  # beyond what a camera can have
+                    scaled = {path: value * strength for path, strength in strengths[axis].items()}
+                    found.append(SeverityPoint(axis, value, camera.replace(scaled)))
     return found
-
-
-def _strengths(camera: Camera) -> dict[str, dict[str, float]]:
-    """Values of each effect by path that vanish with it, where they are not all 0."""
-    values, maps = camera.values(), named_maps(camera.spec)
-    found = {}
-    for effect in (*PARTS, *camera.effect_names):
-        own = {
-            f"{effect}.{name}": values.get(f"{effect}.{name}", 0.0)
-            for name in catalogue()[effect].strengths()
-        }
-        if any(own.values()) and effect not in maps:
-            found[effect] = own
-    return found
-
-
-def _scaled(camera: Camera, values: dict[str, float], factor: float) -> Camera | None:
-    """The camera at `factor` times these values; None beyond what a camera can have."""
-    try:
-        return camera.replace({path: factor * value for path, value in values.items()})
-    except InputError:
-        return None
 
 
 def severity(
@@ -195,53 +174,37 @@ def severity(
         progress: called with (description, done, total).
     """
     folder = Path(folder)
+    file, images = folder / "severity.json", folder / "images.partial"
     if not poses.labelled:
         raise InputError(f"{poses.name} has no labels, so there is nothing to score")
     fixed = Camera.load({k: v for k, v in camera.to_dict().items() if k not in ("randomize", "correlated")})
     fixed = Camera(fixed.spec, camera.folder, camera.maps)
-    points = points_of(fixed, axes)
-    described = {
-        "set": poses.name,
-        **identity(poses),
-        "network": network,
-        "seed": seed,
-        "camera": fixed.to_dict(),
-    }
-    digest = hashlib.sha256(repr(described).encode()).hexdigest()
+    described = {"set": poses.name, **identity(poses), "network": network, "seed": seed}
+    digest = hashlib.sha256(repr({**described, "camera": fixed.to_dict()}).encode()).hexdigest()
+    jobs: dict[str, SeverityPoint | None] = {"clean": None}
+    jobs |= {f"{point.axis}={point.value:g}": point for point in points_of(fixed, axes)}
+    say = progress or (lambda *_: None)
     with folder_lock(folder):
-        state = _state(folder / "severity.json", digest)
-        jobs: list[tuple[str, SeverityPoint | None]] = [("clean", None)]
-        jobs += [(f"{point.axis}={point.value:g}", point) for point in points]
-        for done, (key, point) in enumerate(jobs):
-            if progress:
-                progress("severity", done, len(jobs))
-            if key not in state["points"]:
-                taken = poses if point is None else _taken(poses, point, folder / "images.partial", seed)
-                state["points"][key] = _scores(
-                    evaluate(poses.domain, taken, keypoints, predict(taken)).summary()
-                )
-                write_json(folder / "severity.json", state)
-        shutil.rmtree(folder / "images.partial", ignore_errors=True)
-        rows = [
-            {"axis": p.axis, "value": float(p.value), **state["points"][key]}
-            for key, p in jobs
-            if p is not None
-        ]
-        found = Severity(camera.name, state["points"]["clean"], rows)
-        found.write(folder)
-    if progress:
-        progress("severity", len(jobs), len(jobs))
-    return found
-
-
-def _state(file: Path, digest: str) -> dict[str, Any]:
-    """The points that are there, of this network, set and camera."""
-    if not file.is_file():
-        return {"of": digest, "points": {}}
-    state = read_json(file)
-    if not isinstance(state, dict) or state.get("of") != digest:
-        raise InputError("is of another network, set, camera or seed", file=file, expected="a new folder")
-    return state
+        state = read_json(file) if file.is_file() else {"of": digest, "points": {}}
+        if not isinstance(state, dict) or state.get("of") != digest:
+            raise InputError("is of another network, set, camera or seed", file=file, expected="a new folder")
+        points: dict[str, Scores] = state["points"]
+        for done, (key, point) in enumerate(jobs.items()):
+            say("severity", done, len(jobs))
+            if key not in points:
+                taken = poses if point is None else _taken(poses, point, images, seed)
+                summary = evaluate(poses.domain, taken, keypoints, predict(taken)).summary()
+                found = {name: of(summary) for name, (of, _) in SCORES.items()}
+                points[key] = {n: v if v is not None and np.isfinite(v) else None for n, v in found.items()}
+                write_json(file, state)
+        shutil.rmtree(images, ignore_errors=True)
+        rows = [{"axis": p.axis, "value": float(p.value), **points[key]} for key, p in jobs.items() if p]
+        curves = Severity(camera.name, points["clean"], rows)
+        write_text(folder / "severity.csv", curves.to_csv())
+        with whole_file(folder / "severity.png") as temporary:
+            curves.plot().savefig(temporary, dpi=120)
+    say("severity", len(jobs), len(jobs))
+    return curves
 
 
 def _taken(poses: PoseSet, point: SeverityPoint, folder: Path, seed: int) -> PoseSet:
@@ -262,16 +225,3 @@ def _taken(poses: PoseSet, point: SeverityPoint, folder: Path, seed: int) -> Pos
             raise InputError("cannot be written", file=target)
         files.append(target)
     return replace(poses, files=tuple(files))
-
-
-def _scores(summary: dict[str, Any]) -> dict[str, float | None]:
-    found = {
-        "keypoint_ap": summary["keypoint_ap50_95"]["coco"],
-        "oks": summary["oks"]["coco"],
-        "position_error": summary["position_error"],
-        "attitude_error_deg": summary["attitude_error_deg"],
-    }
-    return {
-        name: None if value is None or not np.isfinite(value) else float(value)
-        for name, value in found.items()
-    }
