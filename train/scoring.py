@@ -30,8 +30,7 @@ def run_and_score(
 
 def other_summaries(study: Study, run: Run, progress: Progress | None = None) -> dict[str, dict[str, Any]]:
     """Scores by domain of a run's other weights; empty where it kept none, or where no validation told best from last."""
-    other = other_weights(study.config.weights)
-    arguments = study.config.arguments(run.arm)
+    other, arguments = other_weights(study.config.weights), study.config.arguments(run.arm)
     if not arguments.get("val", True) or not run.weights.with_stem(other).is_file():
         return {}
     return {name: each.summary() for name, each in evaluate_run(study, run, progress, other).items()}
@@ -41,12 +40,8 @@ def evaluate_run(
     study: Study, run: Run, progress: Progress | None = None, weights: str | None = None
 ) -> dict[str, Evaluation]:
     """Score a run's network on every test set: that of its `weights` (last or best), the config's where left out."""
-    return {
-        domain: evaluate(
-            domain, poses, study.keypoints, predictions_of(study, run, domain, poses, progress, weights)
-        )
-        for domain, poses in study.tests.items()
-    }
+    found = {n: predictions_of(study, run, n, p, progress, weights) for n, p in study.tests.items()}
+    return {name: evaluate(name, study.tests[name], study.keypoints, each) for name, each in found.items()}
 
 
 def predictions_of(
@@ -63,20 +58,19 @@ def predictions_of(
     path = run.folder / "predictions" / f"{domain}-{digest}.json"
     if not path.is_file():
         title = f"evaluating {run.arm} seed {run.seed} on {domain}"
-        detections = predictor(study, run, file)(poses, title=title, progress=progress)
-        save_predictions(path, poses, detections)
+        save_predictions(path, poses, predictor(study, run, file)(poses, title=title, progress=progress))
     return load_predictions(path, poses, len(study.keypoints))
 
 
 def predictor(study: Study, run: Run, weights: Path) -> Callable[..., list[Detections]]:
     """What a file of a run's weights finds in a set, a function of the set: images are reduced as in training."""
-    arguments = study.config.arguments(run.arm)
+    config, arguments = study.config, study.config.arguments(run.arm)
     return partial(
         predict,
         weights,
         image_size=arguments.get("imgsz", 640),
-        settings_folder=study.config.output / "ultralytics-settings",
+        settings_folder=config.output / "ultralytics-settings",
         device=arguments.get("device"),
-        size=study.config.data.image_size,
-        reduce=study.config.data.reduction,
+        size=config.data.image_size,
+        reduce=config.data.reduction,
     )

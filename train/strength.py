@@ -25,9 +25,6 @@ if TYPE_CHECKING:
     from visaug_train.training import Study
 
 LEVELS = {"black": 0.0, "20 %": 0.2, "50 %": 0.5, "white": 1.0}
-# of the blocks' means
-BANDS = {"black": (-1, 0.02), "20 %": (0.15, 0.25), "50 %": (0.4, 0.6), "white": (0.95, 2)}
-INVISIBLE = 1.1  # an arm that raises all noise by less than a tenth
 
 
 @dataclass(frozen=True)
@@ -47,8 +44,7 @@ def strength_of(noise: torch.nn.Module, shape: tuple[int, int] = (64, 64)) -> St
     with torch.random.fork_rng(devices=[]), torch.no_grad():
         torch.manual_seed(0)
         for name, level in LEVELS.items():
-            flat = torch.full((images, 1, *shape), level)
-            noisy = noise(flat)[:, 0].double().numpy() * 255
+            noisy = noise(torch.full((images, 1, *shape), level))[:, 0].double().numpy() * 255
             total[name] = float(np.sqrt(noisy.var(axis=(1, 2)).mean()))
             white[name] = float(np.sqrt((_diagonals(noisy) ** 2).mean()))
     return Strength(total, white)
@@ -56,23 +52,23 @@ def strength_of(noise: torch.nn.Module, shape: tuple[int, int] = (64, 64)) -> St
 
 def carried(poses: PoseSet, size: tuple[int, int], how: str) -> Strength:
     """The white noise of images as the network gets them, at each level."""
-    most_images = 24
-    chosen = np.unique(np.linspace(0, len(poses) - 1, most_images).astype(int))
+    most_images, least_blocks = 24, 20
     levels, blocks = [], []
-    for i in chosen:
+    for i in np.unique(np.linspace(0, len(poses) - 1, most_images).astype(int)):
         image = reduced(read_image(poses.files[i], poses.camera, cv2.IMREAD_GRAYSCALE), size, how)
-        rows, columns = (6 * (n // 6) for n in image.shape)
-        cut = image[:rows, :columns].astype(float)
-        levels.append(cut.reshape(rows // 6, 6, columns // 6, 6).mean(axis=(1, 3)).ravel() / 255)
-        squares = _diagonals(cut[None])[0].reshape(rows // 6, 3, columns // 6, 3) ** 2
+        rows, columns = (n // 6 for n in image.shape)
+        cut = image[: 6 * rows, : 6 * columns].astype(float)
+        levels.append(cut.reshape(rows, 6, columns, 6).mean(axis=(1, 3)).ravel() / 255)
+        squares = _diagonals(cut[None])[0].reshape(rows, 3, columns, 3) ** 2
         blocks.append(squares.mean(axis=(1, 3)).ravel())
     level, variance = np.concatenate(levels), np.concatenate(blocks)
     cells = 9  # 2 x 2 cells in a block
     # The median of the mean of nine squares lies a little below the variance.
     low = chi2.ppf(0.5, cells) / cells
+    # of the blocks' means
+    bands = {"black": (-1, 0.02), "20 %": (0.15, 0.25), "50 %": (0.4, 0.6), "white": (0.95, 2)}
     found = {}
-    least_blocks = 20
-    for name, (least, most) in BANDS.items():
+    for name, (least, most) in bands.items():
         here = variance[(level >= least) & (level <= most)]
         found[name] = float(np.sqrt(np.median(here) / low)) if len(here) >= least_blocks else float("nan")
     return Strength(found, found)
@@ -97,41 +93,37 @@ class Strengths:
     def table(self) -> ResultTable:
         """One row for the images, each test set and each arm."""
 
-        def cells(strength: Strength, both: bool) -> list[str]:
-            return [
-                "none"
-                if np.isnan(strength.total[level])
-                else f"{strength.total[level]:.2f}"
-                + (f" (white {strength.white[level]:.2f})" if both else "")
-                for level in LEVELS
-            ]
+        def row(name: str, strength: Strength, both: bool = False) -> list[str]:
+            white = {level: f" (white {strength.white[level]:.2f})" if both else "" for level in LEVELS}
+            known = {level: value for level, value in strength.total.items() if not np.isnan(value)}
+            return [name, *(f"{known[n]:.2f}{white[n]}" if n in known else "none" for n in LEVELS)]
 
-        rows = [["training images carry", *cells(self.images, False)]]
-        rows += [[f"test set {name} shows", *cells(each, False)] for name, each in self.tests.items()]
-        rows += [[f"arm {name} adds", *cells(each, True)] for name, each in self.arms.items()]
+        rows = [row("training images carry", self.images)]
+        rows += [row(f"test set {name} shows", each) for name, each in self.tests.items()]
+        rows += [row(f"arm {name} adds", each, both=True) for name, each in self.arms.items()]
         title = "Noise, standard deviation in 8-bit levels (images: white part alone, an upper bound where there is texture)"
         return ResultTable(title, ["", *LEVELS], rows)
 
     def warnings(self) -> list[str]:
         """A line for each arm with sensor or white noise that hardly raises the noise beyond the baseline's."""
-        said = []
+        rounding = 12**-0.5  # what rounding to 8 bit leaves, whatever the image
+        there = np.fmax([self.images.total[level] for level in LEVELS], rounding)  # the latter for NaN
+        invisible, said = 1.1, []  # an arm that raises all noise by less than a tenth
+
+        def with_images(arm: str) -> np.ndarray:
+            """Noise of an arm on top of what the images carry, by level."""
+            added = self.arms[arm].total if arm in self.arms else dict.fromkeys(LEVELS, 0.0)
+            return np.hypot(there, [added[level] for level in LEVELS])
+
         for name in self.noisy:
-            raised = [self._raised(name, level) for level in LEVELS]
-            if name != self.baseline and max(raised) < INVISIBLE:
+            raised = float((with_images(name) / with_images(self.baseline)).max())
+            if name != self.baseline and raised < invisible:
                 said.append(
                     f"invisible arm: {name} raises the noise of the training images by at most "
-                    f"{100 * (max(raised) - 1):.0f} % over {self.baseline} (what the images carry included); raise its "
+                    f"{100 * (raised - 1):.0f} % over {self.baseline} (what the images carry included); raise its "
                     "gain (`gain_db`), or expect no difference"
                 )
         return said
-
-    def _raised(self, name: str, level: str) -> float:
-        """Noise with this arm over noise with the baseline, both on top of what the images carry."""
-        there = self.images.total[level]
-        rounding = 12**-0.5  # what rounding to 8 bit leaves, whatever the image
-        there = rounding if np.isnan(there) else max(there, rounding)
-        base = self.arms[self.baseline].total[level] if self.baseline in self.arms else 0.0
-        return float(np.hypot(there, self.arms[name].total[level]) / np.hypot(there, base))
 
     def text(self) -> str:
         """Table and warnings, as printed before a training."""

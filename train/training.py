@@ -25,7 +25,7 @@ from visaug.core.progress import Progress
 from visaug_train import callbacks
 from visaug_train.arms import Arm
 from visaug_train.checks import Say, check_apart, cost, followed, start_weights
-from visaug_train.config import Config
+from visaug_train.config import Config, Source
 from visaug_train.convert import convert
 from visaug_train.datasets import keypoints_of, read_poses
 from visaug_train.geometry import Keypoints
@@ -75,15 +75,13 @@ def prepare(
 
     `announce` gets the hours that the training costs (of all runs, or of `arms` with one seed), before anything is converted.
     """
-    began = time.monotonic()
-    data = config.data
-    root = data.root
+    began, data, root = time.monotonic(), config.data, config.data.root
     if data.rendered is not None:
         root = config.output / f"data-{_digest(read_back(data.rendered))}"
         render_dataset(root, data.rendered, progress)
     assert root is not None  # check_config saw to it
 
-    def read(source: Any) -> PoseSet:
+    def read(source: Source) -> PoseSet:
         poses = read_poses(source.root or root, source.domain, source.split, data.split_seed)
         return part_of(poses, source.share, data.split_seed) if source.share else poses
 
@@ -94,16 +92,9 @@ def prepare(
     if announce is not None and not (config.cluster and config.cluster.address):
         announce(cost(config, len(parts["train"]), arms))
     name = "-".join(["ultralytics", *data.copies])
-    destination = root.resolve() / name if data.rendered else config.output / f"{root.name}-{name}"
-    data_yaml = convert(
-        parts,
-        keypoints,
-        destination,
-        data.image_size,
-        progress,
-        reduce=data.reduction,
-        channels=data.channels,
-    )
+    place = root.resolve() / name if data.rendered else config.output / f"{root.name}-{name}"
+    size, how, channels = data.image_size, data.reduction, data.channels
+    data_yaml = convert(parts, keypoints, place, size, progress, reduce=how, channels=channels)
     hidden: list[HiddenEffect] = []
     if config.hidden is not None:
         config, tests, hidden = hide_effects(config, tests, progress)
@@ -117,11 +108,13 @@ def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None 
     config, arm = study.config, study.config.arm(arm_name)
     folder = run_folder(study, arm_name, seed)
     if not (folder / "run.json").is_file():
+        start = start_network(study, progress) or config.model
         named = {"arm": arm_name, "seed": seed, "hash": folder.name.rsplit("-", 1)[-1]}
-        started = config.model_copy(update={"model": start_network(study, progress) or config.model})
         record = {**named, **decides(config, arm, study.data_yaml)}
-        title = f"training {arm_name} seed {seed}"
-        _finished(study, started, arm, config.arguments(arm_name), folder, seed, title, progress, record)
+        arguments, title = config.arguments(arm_name), f"training {arm_name} seed {seed}"
+        config = config.model_copy(update={"model": start})
+        what = (config, batch_noise(arm), arguments, study.data_yaml, folder, seed)
+        _finish(folder, record, arguments, _train(*what, title, progress, arm.clean_epochs))
         _failure_file(study, arm_name, seed).unlink(missing_ok=True)  # of an earlier try
     record = read_json(folder / "run.json")
     weights = folder / "weights" / f"{config.weights}.pt"
@@ -142,26 +135,13 @@ def start_network(study: Study, progress: Progress | None = None) -> str | None:
     folder = config.output / "runs" / f"start-seed{start.seed}-{_digest(decided)}"
     if not (folder / "run.json").is_file():
         title = f"training the network that all arms start from, seed {start.seed}"
-        arm = arm.model_copy(update={"clean_epochs": 0})
-        _finished(study, config, arm, arguments, folder, start.seed, title, progress, decided)
+        what = (config, batch_noise(arm), arguments, study.data_yaml, folder, start.seed)
+        _finish(folder, decided, arguments, _train(*what, title, progress))
     return str(folder / "weights" / "last.pt")
 
 
-def _finished(
-    study: Study,
-    config: Config,
-    arm: Arm,
-    arguments: dict[str, Any],
-    folder: Path,
-    seed: int,
-    title: str,
-    progress: Progress | None,
-    record: dict[str, Any],
-) -> None:
-    """Train, and write run.json, by which a run is known to be finished."""
-    noise = batch_noise(arm)
-    data = study.data_yaml
-    seconds = _train(config, noise, arguments, data, folder, seed, title, progress, arm.clean_epochs)
+def _finish(folder: Path, record: dict[str, Any], arguments: dict[str, Any], seconds: float) -> None:
+    """Write run.json, by which a run is known to be finished."""
     around = surroundings(arguments.get("device"), followed(arguments).get("amp"))
     write_json(folder / "run.json", {**record, "surroundings": around, "seconds": seconds})
     callbacks.forget(folder)
