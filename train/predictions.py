@@ -66,18 +66,16 @@ class ImageNames:
                 return self.names[name]
             if name in self.others:
                 return None
-        raise InputError(
+        problem, expected = (
             f"{text!r} is no image of {self.poses.name}",
-            file=file,
-            field=field,
-            expected=f"a name such as {self.poses.ids[0]}",
+            f"a name such as {self.poses.ids[0]}",
         )
+        raise InputError(problem, file=file, field=field, expected=expected)
 
     def none_found(self, file: Path) -> InputError:
         """What to raise for a file whose images are all of other domains."""
-        return InputError(
-            f"names no image of {self.poses.name}", file=file, expected=f"images such as {self.poses.ids[0]}"
-        )
+        problem, expected = f"names no image of {self.poses.name}", f"images such as {self.poses.ids[0]}"
+        return InputError(problem, file=file, expected=expected)
 
 
 def _stem(name: str) -> str:
@@ -104,7 +102,6 @@ def load_predictions(
 
     Args:
         path: COCO's results.
-        poses: the images.
         keypoints: how many a record has.
         images: COCO's annotations file, whose `images` map an `image_id` to a file.
         names: which image a name means; those of `poses` alone where left out.
@@ -117,45 +114,33 @@ def load_predictions(
     files = {} if images is None else image_names(images)
     records = read_json(path)
     if not isinstance(records, list):
-        raise InputError(
-            "holds no list", file=path, expected="COCO's results format with file_name for image_id"
-        )
+        expected = "COCO's results format with file_name for image_id"
+        raise InputError("holds no list", file=path, expected=expected)
     found: list[list[tuple[np.ndarray, np.ndarray, float]]] = [[] for _ in poses.files]
     for number, record in enumerate(records):
         field = f"record {number}"
         if not isinstance(record, dict):
-            raise InputError(
-                "is not an object", file=path, field=field, expected="file_name, bbox, keypoints and score"
-            )
+            expected = "file_name, bbox, keypoints and score"
+            raise InputError("is not an object", file=path, field=field, expected=expected)
         name, key = record.get("file_name"), record.get("image_id")
         if name is None and files and key not in files:
-            raise InputError(
-                f"{key!r} is no image of the annotations file",
-                file=path,
-                field=f"{field}.image_id",
-                expected=f"an id of {images}",
-            )
+            problem = f"{key!r} is no image of the annotations file"
+            raise InputError(problem, file=path, field=f"{field}.image_id", expected=f"an id of {images}")
         if name is None:  # a name, as AlphaPose and ultralytics write it, or a number
             name = files[key] if files else key if isinstance(key, str) else None
         if name is None:
-            raise InputError(
-                "is missing",
-                file=path,
-                field=f"{field}.file_name",
-                expected="an image's name; for image_id give the annotations file (--images)",
-            )
+            expected = "an image's name; for image_id give the annotations file (--images)"
+            raise InputError("is missing", file=path, field=f"{field}.file_name", expected=expected)
         index = names.find(name, path, f"{field}.file_name")
-        box = np.full(4, np.nan)
-        if record.get("bbox") is not None:
-            box = _numbers(record, "bbox", 4, path, field)
+        has_box = record.get("bbox") is not None
+        box = _numbers(record, "bbox", 4, path, field) if has_box else np.full(4, np.nan)
         points = _numbers(record, "keypoints", 3 * keypoints, path, field).reshape(keypoints, 3)
         score = float(_numbers(record, "score", 0, path, field))
         if box[2] < 0 or box[3] < 0:
-            raise InputError(
-                "a width or height is negative", file=path, field=f"{field}.bbox", expected="x, y, w, h"
-            )
+            problem = "a width or height is negative"
+            raise InputError(problem, file=path, field=f"{field}.bbox", expected="x, y, w, h")
         if index is not None:
-            found[index].append((box, points, score))
+            found[index].append((np.concatenate([box[:2], box[:2] + box[2:]]), points, score))
     if records and not any(found):
         raise names.none_found(path)
     return [_stack(each, keypoints) for each in found]
@@ -180,18 +165,12 @@ def save_predictions(path: str | Path, poses: PoseSet, detections: list[Detectio
     """Write detections in the format that `load_predictions` reads."""
     records: list[dict[str, Any]] = []
     for name, each in zip(poses.ids, detections):
-        for box, points, point_scores, score in zip(each.boxes, each.points, each.point_scores, each.scores):
-            corners = np.concatenate([box[:2], box[2:] - box[:2]])
-            triples = np.concatenate([points, point_scores[:, None]], axis=1)
-            records.append(
-                {
-                    "file_name": name,
-                    "category_id": 1,
-                    "bbox": [round(float(v), 4) for v in corners],
-                    "keypoints": [round(float(v), 4) for v in triples.ravel()],
-                    "score": round(float(score), 6),
-                }
-            )
+        corners = np.concatenate([each.boxes[:, :2], each.boxes[:, 2:] - each.boxes[:, :2]], axis=1)
+        triples = np.concatenate([each.points, each.point_scores[..., None]], axis=2)
+        for box, points, score in zip(corners.tolist(), triples, each.scores.tolist()):
+            numbers = {"bbox": box, "keypoints": points.ravel().tolist()}
+            numbers = {key: [round(value, 4) for value in values] for key, values in numbers.items()}
+            records.append({"file_name": name, "category_id": 1, **numbers, "score": round(score, 6)})
     write_json(path, records)
 
 
@@ -206,17 +185,13 @@ def predict(
     size: tuple[int, int] | None = None,
     reduce: str = "area",
 ) -> list[Detections]:
-    """Detections of a trained network with a score above 0.001; AP needs uncertain ones too.
+    """Detections of a trained network with a score above 0.001, in pixels of the files; AP needs uncertain ones too.
 
     Args:
         weights: the network's file.
-        poses: the images.
         image_size: ultralytics' `imgsz`.
         size, reduce: width and height to which the images are reduced before ultralytics sees them, and how: as the
             training images were. Without `size` the longer side gets `image_size` pixels.
-
-    Returns:
-        Boxes and points in pixels of the files.
     """
     quiet_ultralytics(settings_folder)
     from ultralytics import YOLO
@@ -224,32 +199,21 @@ def predict(
     model = YOLO(str(weights))
     size = size or fitting(poses.camera, image_size)
     back = np.array([poses.camera.width, poses.camera.height]) / size
-    detections = []
-    least_score, most_per_image = 0.001, 20
+    detections: list[Detections] = []
+    how: dict[str, Any] = {"imgsz": image_size, "conf": 0.001, "max_det": 20, "batch": 32, "device": device}
     for first in range(0, len(poses), 64):
         images = [
             reduced(read_image(file, poses.camera, cv2.IMREAD_COLOR), size, reduce)
             for file in poses.files[first : first + 64]
         ]
-        results: Any = model.predict(
-            images,
-            imgsz=image_size,
-            conf=least_score,
-            max_det=most_per_image,
-            batch=32,
-            verbose=False,
-            save=False,
-            device=device,
-        )
+        results: Any = model.predict(images, verbose=False, save=False, **how)
         for result in results:
-            points = result.keypoints.data.cpu().numpy().astype(float)
+            boxes, scores, points = (
+                tensor.cpu().numpy().astype(float)
+                for tensor in (result.boxes.xyxy, result.boxes.conf, result.keypoints.data)
+            )
             detections.append(
-                Detections(
-                    result.boxes.xyxy.cpu().numpy().astype(float) * np.tile(back, 2),
-                    points[..., :2] * back,
-                    points[..., 2],
-                    result.boxes.conf.cpu().numpy().astype(float),
-                )
+                Detections(boxes * np.tile(back, 2), points[..., :2] * back, points[..., 2], scores)
             )
         if progress:
             progress(title, len(detections), len(poses))
@@ -273,19 +237,15 @@ def _numbers(record: dict, key: str, count: int, path: Path, field: str) -> np.n
 def _stack(found: list[tuple[np.ndarray, np.ndarray, float]], keypoints: int) -> Detections:
     if not found:
         return Detections.none(keypoints)
-    boxes = np.stack([box for box, _, _ in found])
-    points = np.stack([points for _, points, _ in found])
-    boxes[:, 2:] += boxes[:, :2]
-    return Detections(boxes, points[..., :2], points[..., 2], np.array([score for _, _, score in found]))
+    boxes, points, scores = (np.stack(part) for part in zip(*found))
+    return Detections(boxes, points[..., :2], points[..., 2], scores)
 
 
 def save_poses(path: str | Path, poses: PoseSet, found: Sequence[Pose | None]) -> None:
     """One line per image for which a pose was found."""
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    for name, pose in zip(poses.ids, found):
-        if pose is not None:
-            writer.writerow([name, *(f"{value:.9g}" for part in pose for value in part)])
+    buffer, known = io.StringIO(), [(n, pose) for n, pose in zip(poses.ids, found) if pose is not None]
+    rows = ([name, *(f"{value:.9g}" for part in pose for value in part)] for name, pose in known)
+    csv.writer(buffer, lineterminator="\n").writerows(rows)
     write_text(path, buffer.getvalue())
 
 
@@ -338,17 +298,11 @@ def load_poses(
         blocks[-1][index] = np.concatenate([values[:4] / length, values[4:]])
     if not blocks:
         raise names.none_found(path)
-    chosen = 0
+    chosen = which_block(blocks, foreign, poses) if len(blocks) > 1 else 0
+    if chosen is None:
+        expected = f"one pose an image, or the domain before its name: {poses.domain}/{poses.files[0].name}"
+        raise InputError(f"{repeated[0]} comes twice", file=path, field=repeated[1], expected=expected)
     if len(blocks) > 1:
-        found = which_block(blocks, foreign, poses)
-        if found is None:
-            raise InputError(
-                f"{repeated[0]} comes twice",
-                file=path,
-                field=repeated[1],
-                expected=f"one pose an image, or the domain before its name: {poses.domain}/{poses.files[0].name}",
-            )
-        chosen = found
         say(f"of {len(blocks)} poses under the same names, number {chosen + 1} was taken for {poses.domain}")
     quaternions, translations = pose_readings(blocks[chosen][:, :4], blocks[chosen][:, 4:], poses, say)
     return [(q, r) if np.isfinite(q).all() else None for q, r in zip(quaternions, translations)]
