@@ -95,7 +95,7 @@ class Pinhole:
         rays = np.concatenate([distorted, np.ones_like(pixels[..., :1])], axis=-1)
         plain = Pinhole(self.width, self.height, np.eye(3), self.distortion)
         for _ in range(20):  # a fixed point; contracts fast for the mild distortion of such lenses
-            rays[..., :2] += distorted - plain.project(rays)
+            rays[..., :2] = rays[..., :2] + distorted - plain.project(rays)
         return rays
 
 

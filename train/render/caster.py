@@ -60,10 +60,14 @@ class RayCaster:
         """Radiance (B, height, width) and the share of each pixel that the target covers, the same shape, on the CPU."""
         with self.device:
             camera, s = self.camera, self.samples
+            turns = rotation_matrix(views.quaternions)
             directions, origins, owners, places = self._rays_at_targets(views)
             radiance = torch.zeros(len(views) * camera.height * camera.width)
             covered = torch.zeros_like(radiance)
-            sun, fill = self._lights(views)
+            sun, fill = (
+                torch.tensor(np.einsum("bij,bi->bj", turns, light * level[:, None]), dtype=torch.float32)
+                for light, level in ((views.sun, views.sun_level), (views.fill, views.fill_level))
+            )  # vectors in each body's frame, whose length is the level
             chunk = CHUNK[self.device.type]
             for first in range(0, len(directions), chunk):
                 part = slice(first, first + chunk)
@@ -98,13 +102,6 @@ class RayCaster:
             owners.append(torch.full((place.numel(),), i))
             places.append(place.reshape(-1))
         return torch.cat(directions), origins, torch.cat(owners), torch.cat(places)
-
-    def _lights(self, views: Views) -> tuple[torch.Tensor, torch.Tensor]:
-        """Sun and fill as vectors whose length is the level, in each body's frame."""
-        turns = rotation_matrix(views.quaternions)
-        sun = np.einsum("bij,bi->bj", turns, views.sun * views.sun_level[:, None])
-        fill = np.einsum("bij,bi->bj", turns, views.fill * views.fill_level[:, None])
-        return torch.tensor(sun, dtype=torch.float32), torch.tensor(fill, dtype=torch.float32)
 
     def _radiance(
         self, origin: torch.Tensor, direction: torch.Tensor, sun: torch.Tensor, fill: torch.Tensor
@@ -173,12 +170,8 @@ def reflect(
     nh = (normal * half).sum(1).clamp(0, 1)
     a2 = roughness**4
     spread = a2 / (nh**2 * (a2 - 1) + 1) ** 2  # GGX times pi, as the sun's irradiance is pi
-    shadowing = (
-        2
-        * nl
-        * nv
-        / (nv * (a2 + (1 - a2) * nl**2).sqrt() + nl * (a2 + (1 - a2) * nv**2).sqrt()).clamp_min(1e-6)
-    )
+    masking = nv * (a2 + (1 - a2) * nl**2).sqrt() + nl * (a2 + (1 - a2) * nv**2).sqrt()
+    shadowing = 2 * nl * nv / masking.clamp_min(1e-6)
     fresnel = f0 + (1 - f0) * (1 - (view * half).sum(1).clamp(0, 1)) ** 5
     return albedo * nl + spread * shadowing * fresnel / (4 * nv)
 

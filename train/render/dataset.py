@@ -8,7 +8,7 @@ import json
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -44,6 +44,8 @@ SPEED_PLUS_CAMERA = Pinhole(
               -0.13124227429077406]),
 )  # fmt: skip
 LINEAR_WHITE_DN = 32767.5  # of 65535 in images_linear/: twice the 8-bit image's white fits in
+Images = Annotated[int, Field(ge=1, le=10**6)]
+Distance = Annotated[float, Field(ge=0.5, le=1e4)]
 
 
 @dataclass(frozen=True)
@@ -69,10 +71,6 @@ DOMAINS = {
     "lightbox_lines": Domain(LIGHTBOX, (0.10, 0.25), LIGHTBOX_LINES_CAMERA, views_of="lightbox"),
     "sunlamp_lines": Domain(SUNLAMP, (0.5, 1.1), SUNLAMP_LINES_CAMERA, views_of="sunlamp"),
 }
-
-
-Images = Annotated[int, Field(ge=1, le=10**6)]
-Distance = Annotated[float, Field(ge=0.5, le=1e4)]
 
 
 class RenderSettings(ConfigSection):
@@ -108,25 +106,21 @@ def render_dataset(root: str | Path, settings: RenderSettings, progress: Progres
     full scale at twice the 8-bit image's white, so highlights that clip in 8 bit are kept.
     """
     root = Path(root)
-    stamp = root / "render.json"
-    described = read_back(settings)
+    stamp, described = root / "render.json", read_back(settings)
     if stamp.is_file() and read_json(stamp) != described:
         raise InputError(f"{root}: was rendered with other settings (render.json); expected a new folder")
     camera = SPEED_PLUS_CAMERA.scaled(settings.width, settings.height)
     write_json(stamp, described)
     write_json(root / "camera.json", camera.to_json())
-    device = "cuda" if torch.cuda.is_available() else "cpu"
-    caster = RayCaster(camera, settings.samples, device=device)
-    total = sum(sum(splits.values()) for splits in settings.images.values())
-    done = 0
-    batch = 16
+    caster = RayCaster(camera, settings.samples, device="cuda" if torch.cuda.is_available() else "cpu")
+    total, done, batch = sum(sum(splits.values()) for splits in settings.images.values()), 0, 16
     for domain, splits in settings.images.items():
         first = 0
         for split, count in splits.items():
             numbers = range(first, first + count)
             listing = root / domain / f"{split}.json"
-            views = [_draw(camera, settings, domain, number) for number in numbers]
             if not listing.is_file():
+                views = [_draw(camera, settings, domain, number) for number in numbers]
                 cuts = [slice(start, min(start + batch, count)) for start in range(0, count, batch)]
                 render = partial(_render_part, root, settings, domain, caster)
                 with one_torch_thread(), ThreadPoolExecutor(cores()) as pool:
@@ -134,7 +128,15 @@ def render_dataset(root: str | Path, settings: RenderSettings, progress: Progres
                     for cut, _ in zip(cuts, jobs):
                         if progress:
                             progress("rendering", done + cut.stop, total)
-                write_json(listing, [_record(number, view) for number, view in zip(numbers, views)])
+                records = [
+                    {
+                        "filename": _name(number),
+                        "q_vbs2tango_true": view.quaternions[0].tolist(),
+                        "r_Vo2To_vbs_true": view.translations[0].tolist(),
+                    }
+                    for number, view in zip(numbers, views)
+                ]
+                write_json(listing, records)
             done += count
             first += count
     return root
@@ -171,12 +173,11 @@ def _render_part(
     files = [root / domain / "images" / _name(number) for number in numbers]
     if all(file.is_file() for file in files):
         return
-    joined = Views(
-        *(np.concatenate([getattr(v, name) for v in views]) for name in Views.__dataclass_fields__)
-    )
+    joined = Views(*map(np.concatenate, zip(*(astuple(view) for view in views))))
     radiance, covered = (tensor.numpy() for tensor in caster.render(joined))
     for file, number, image, cover in zip(files, numbers, radiance, covered):
-        clean, picture = _expose(settings, domain, number, image, cover, caster.camera)
+        rng = _stream(settings, domain, number, 1)
+        clean, picture = _expose(DOMAINS[domain], image, cover, caster.camera, rng)
         write_bytes(file, _png(picture))
         if settings.linear_frames:
             frame = np.clip(np.rint(clean * LINEAR_WHITE_DN), 0, 65535).astype(np.uint16)
@@ -184,16 +185,9 @@ def _render_part(
 
 
 def _expose(
-    settings: RenderSettings,
-    domain: str,
-    number: int,
-    radiance: np.ndarray,
-    cover: np.ndarray,
-    camera: Pinhole,
+    kind: Domain, radiance: np.ndarray, cover: np.ndarray, camera: Pinhole, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Noiseless image (1 is white) and the 8-bit one, exposed for the target as an automatic exposure would."""
-    kind = DOMAINS[domain]
-    rng = _stream(settings, domain, number, 1)
     earth = draw_earth(camera, kind.lighting.earth_share, rng)
     seen = radiance[cover > 0.5]
     mean = max(float(seen.mean()) if seen.size else 0.1, 1e-3)
@@ -205,14 +199,6 @@ def _expose(
         return clean, np.clip(np.rint(clean * 255), 0, 255).astype(np.uint8)
     photons = clean * kind.camera.saturation_e / kind.camera.quantum_efficiency
     return clean, kind.camera.to_8bit(kind.camera.expose(photons, rng))
-
-
-def _record(number: int, view: Views) -> dict:
-    return {
-        "filename": _name(number),
-        "q_vbs2tango_true": view.quaternions[0].tolist(),
-        "r_Vo2To_vbs_true": view.translations[0].tolist(),
-    }
 
 
 def _name(number: int) -> str:

@@ -93,16 +93,16 @@ class IndependentCamera:
 
     def without_effects(self) -> "IndependentCamera":
         """The same camera with its base chain alone."""
-        return replace(
-            self,
-            row_noise_e=0.0,
-            row_banding_e=0.0,
-            tap_gain=0.0,
-            tap_offset_e=0.0,
-            bloom_share=0.0,
-            flare_share=0.0,
-            bend=0.0,
+        levels = (
+            "row_noise_e",
+            "row_banding_e",
+            "tap_gain",
+            "tap_offset_e",
+            "bloom_share",
+            "flare_share",
+            "bend",
         )
+        return replace(self, **dict.fromkeys(levels, 0.0))
 
 
 # Low light: few electrons at high gain, so read noise and patterns are large against the signal.
@@ -130,8 +130,7 @@ SUNLAMP_CAMERA = IndependentCamera(
 )
 # Cameras that pictures alone can tell of: black is above 0, the converter ends before the well is full, and every row and
 # column has an offset.
-LIGHTBOX_LINES_CAMERA = replace(
-    LIGHTBOX_CAMERA.without_effects(),
+LIGHTBOX_LINES_CAMERA = IndependentCamera(
     serial=13,
     full_well_e=1500.0,
     e_per_dn=0.04,
@@ -139,20 +138,15 @@ LIGHTBOX_LINES_CAMERA = replace(
     keeps_black=True,
     heavy_tails=False,
     read_noise_e=4.0,
-    pixel_offset_e=1.0,
     column_offset_e=2.4,
     row_noise_e=2.4,
 )
 SUNLAMP_LINES_CAMERA = replace(
-    SUNLAMP_CAMERA.without_effects(),
+    LIGHTBOX_LINES_CAMERA,
     serial=14,
     full_well_e=2500.0,
     e_per_dn=0.06,
-    black_level_dn=320.0,
-    keeps_black=True,
-    heavy_tails=False,
     read_noise_e=6.0,
-    pixel_offset_e=1.0,
     column_offset_e=4.0,
     row_noise_e=4.0,
 )

@@ -53,7 +53,9 @@ def draw_views(
     translations = camera.rays(pixels) * z[:, None]
     offsets = _turns(count, np.radians(attitude_deg), rng)
     x, y, z_, w = (offsets * NOMINAL).as_quat().T
-    sun = _towards(np.radians(rng.uniform(*lighting.phase_deg, count)), rng.uniform(0, 2 * np.pi, count))
+    phase, azimuth = np.radians(rng.uniform(*lighting.phase_deg, count)), rng.uniform(0, 2 * np.pi, count)
+    # at the phase angle from the direction target -> camera, which is -z of the camera's frame
+    sun = np.stack([np.sin(phase) * np.cos(azimuth), np.sin(phase) * np.sin(azimuth), -np.cos(phase)], axis=1)
     fill = rng.normal(size=(count, 3))
     return Views(
         np.stack([w, x, y, z_], axis=1),
@@ -97,12 +99,3 @@ def _turns(count: int, largest: float, rng: np.random.Generator) -> Rotation:
     angle = np.interp(rng.uniform(0, share[-1], count), share, angles)
     axis = rng.normal(size=(count, 3))
     return Rotation.from_rotvec(axis / np.linalg.norm(axis, axis=1, keepdims=True) * angle[:, None])
-
-
-def _towards(phase: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
-    """Unit vectors at the angle `phase` from the direction target -> camera, which is -z of the camera's
-    frame.
-    """
-    return np.stack(
-        [np.sin(phase) * np.cos(azimuth), np.sin(phase) * np.sin(azimuth), -np.cos(phase)], axis=1
-    )
