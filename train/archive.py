@@ -30,12 +30,7 @@ LISTS = ("camera.json", "train.json")  # of which the uppermost folder of a data
 def prepare_archive(
     archive: str | Path, destination: str | Path | None, progress: Progress | None = None
 ) -> Path:
-    """Unpack an archive (zip, tar, tar.gz ...) or take a folder, check it, and return the dataset's root.
-
-    Args:
-        archive: an archive, or a folder, which is used where it lies.
-        destination: folder of the dataset; not used for a folder.
-        progress: called with (description, done, total).
+    """Unpack an archive (zip, tar, tar.gz ...) into `destination`, or take a folder where it lies; check it, and return its root.
 
     Raises:
         InputError: the archive is missing, damaged or of something else; or the destination holds something else, or is
@@ -56,11 +51,8 @@ def prepare_archive(
         for path, size in sizes.items():
             file = destination / path.relative_to(inside) if path.is_relative_to(inside) else None
             if file is not None and not (file.is_file() and file.stat().st_size == size):
-                raise InputError(
-                    f"is not what {archive} holds: {path.name} is missing or another file",
-                    file=destination,
-                    expected="a new folder",
-                )
+                problem = f"is not what {archive} holds: {path.name} is missing or another file"
+                raise InputError(problem, file=destination, expected="a new folder")
         check(destination)
         return destination
     unfinished = destination.with_name(destination.name + ".partial")
@@ -117,11 +109,8 @@ def _root(files: list[PurePosixPath], where: Path) -> PurePosixPath:
     found = roots(mark for reader in READERS for mark in reader.marks)
     found = found or {root for root in roots(LISTS) if root.name != "synthetic"}
     if not found:
-        raise InputError(
-            "has no SPEED or SPEED+ layout, nor that of " + ", ".join(reader.name for reader in READERS),
-            file=where,
-            expected="camera.json or train.json in it",
-        )
+        problem = f"has no SPEED or SPEED+ layout, nor that of {', '.join(reader.name for reader in READERS)}"
+        raise InputError(problem, file=where, expected="camera.json or train.json in it")
     return min(found, key=lambda path: (len(path.parts), str(path)))
 
 
@@ -154,16 +143,13 @@ def prepare_dataset(
         size: "WIDTHxHEIGHT" of copies with labels.
         keypoints: name or file of the points of the spacecraft.
         coco: write COCO annotations.
-        progress: called with (description, done, total).
     """
     width_height = _size(size)
     unused = archive.is_dir() and output is not None and not (coco or size)
     if unused and not (output.exists() and output.samefile(find_root(archive))):
-        raise InputError(
-            f"has no use: {archive} is a folder, and is checked where it lies",
-            field="-o",
-            expected="no -o, or --coco or --size, which write beside it",
-        )
+        problem = f"has no use: {archive} is a folder, and is checked where it lies"
+        expected = "no -o, or --coco or --size, which write beside it"
+        raise InputError(problem, field="-o", expected=expected)
     root = prepare_archive(archive, output, progress)
     output = Path(os.path.abspath(root if output is None else output))
     sets = check(root)

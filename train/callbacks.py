@@ -11,7 +11,6 @@ Random numbers are drawn anew at each epoch from seed and epoch, so that an epoc
 ones ran in the same process.
 """
 
-import csv
 import os
 import random
 import time
@@ -54,13 +53,10 @@ def restore(folder: Path, state: dict[str, Any]) -> Path:
 
 
 def keep_epochs(results: Path, epochs: int) -> None:
-    """Cut results.csv to its first `epochs` epochs: a later or a torn line comes again."""
-    if not results.is_file():
-        return
-    with results.open(newline="", encoding="utf-8") as file:
-        lines = list(csv.reader(file))
-    whole = [line for line in lines[1:] if len(line) == len(lines[0]) and float(line[0]) <= epochs]
-    write_text(results, "".join(",".join(line) + "\n" for line in [*lines[:1], *whole[:epochs]]))
+    """Cut results.csv to its head and its first `epochs` epochs: a later line, which may be torn, comes again."""
+    if results.is_file():
+        lines = results.read_text(encoding="utf-8").splitlines(keepends=True)
+        write_text(results, "".join(lines[: epochs + 1]))
 
 
 def finish(folder: Path, state: dict[str, Any]) -> None:
@@ -177,11 +173,8 @@ def close_noise(clean_epochs: int, trainer: Any) -> None:
 def keep_batch(batch: int, trainer: Any) -> None:
     """Refuse to go on with the smaller batch that ultralytics takes where the memory ends: the arms would not be equal."""
     if trainer.batch_size != batch:
-        raise InputError(
-            f"{batch} images do not fit into the memory of this device",
-            field="training.batch",
-            expected="fewer",
-        )
+        problem = f"{batch} images do not fit into the memory of this device"
+        raise InputError(problem, field="training.batch", expected="fewer")
 
 
 def follow(model: Any, title: str, progress: Progress | None) -> None:

@@ -28,11 +28,9 @@ def check_apart(parts: dict[str, PoseSet], tests: dict[str, PoseSet]) -> None:
         for name, test in tests.items():
             if shared := files & {file.resolve() for file in test.files}:
                 does = "train the network" if part == "train" else "choose the weights `best`"
-                raise InputError(
-                    f"{len(shared)} of its {len(test)} images also {does}",
-                    field=f"data.test.{name}",
-                    expected="other images, for instance a `share` of the split: [0.9, 1.0]",
-                )
+                problem = f"{len(shared)} of its {len(test)} images also {does}"
+                expected = "other images, for instance a `share` of the split: [0.9, 1.0]"
+                raise InputError(problem, field=f"data.test.{name}", expected=expected)
 
 
 def check_arms(config: Config, announce: Say | None = None) -> None:
@@ -52,11 +50,9 @@ def check_arms(config: Config, announce: Say | None = None) -> None:
         try:
             yaml_model_load(config.model)
         except (OSError, AssertionError):  # the latter for another suffix
-            raise InputError(
-                f"no such network: {config.model}",
-                field="model",
-                expected="a YAML such as yolov8n-pose.yaml, or the file of trained weights (NAME.pt)",
-            ) from None
+            expected = "a YAML such as yolov8n-pose.yaml, or the file of trained weights (NAME.pt)"
+            problem = f"no such network: {config.model}"
+            raise InputError(problem, field="model", expected=expected) from None
     if config.start and config.start.weights:
         start_weights(config.start)
     given = {"start": {**config.training, **config.start.training}} if config.start else {}
@@ -99,11 +95,9 @@ def check_device(given: Sequence[dict[str, Any]], say: Say | None = None) -> Non
     for arguments in given:
         batch = arguments.get("batch", 16)
         if not batch >= 1:
-            raise InputError(
-                f"{batch} leaves the batch size to the memory of the device, run by run",
-                field="training.batch",
-                expected="a number of images, the same in all arms",
-            )
+            problem = f"{batch} leaves the batch size to the memory of the device, run by run"
+            expected = "a number of images, the same in all arms"
+            raise InputError(problem, field="training.batch", expected=expected)
         selected(arguments.get("device"))
     if say is not None and any(followed(arguments) != arguments for arguments in given):
         say("amp: bf16 is off: this device has no native bfloat16; trainings take float32")
@@ -127,11 +121,9 @@ def selected(device: Any) -> torch.device:
         return torch.device(select_device("" if device is None else device, verbose=False))
     except (ValueError, RuntimeError, AssertionError):
         count = torch.cuda.device_count()
-        raise InputError(
-            f"{device!r} is not a device of this machine",
-            field="training.device",
-            expected=f"cpu{f', or a GPU from 0 to {count - 1}' if count else '; there is no GPU'}",
-        ) from None
+        expected = f"cpu, or a GPU from 0 to {count - 1}" if count else "cpu; there is no GPU"
+        problem = f"{device!r} is not a device of this machine"
+        raise InputError(problem, field="training.device", expected=expected) from None
 
 
 def has_bf16(device: Any) -> bool:

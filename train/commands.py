@@ -141,8 +141,7 @@ def evaluate_predictions(
         if not poses.labelled:
             return {domain: submission(poses, points, detections, poses_csv)}
         targets = poses.targets(points)
-        size = (poses.camera.width, poses.camera.height)
-        detections = point_readings(detections, targets, size, notes.append)
+        detections = point_readings(detections, targets, poses.camera.size, notes.append)
         evaluation = score(domain, poses, points, detections)
         if "iou" not in evaluation.table:
             notes.append("boxes are not scored, for not every record has a bbox")
@@ -156,16 +155,12 @@ def submission(
 ) -> dict[str, Any]:
     """Write the poses of images without labels as Kelvins wants them; what to say in place of scores."""
     if path is None:
-        raise InputError(
-            f"{poses.name} has no labels, so there is nothing to score",
-            field="--poses",
-            expected="the CSV to write for a submission",
-        )
+        problem = f"{poses.name} has no labels, so there is nothing to score"
+        raise InputError(problem, field="--poses", expected="the CSV to write for a submission")
+    count = len(poses)
     missing = save_submission(path, poses, [pose_of(each, keypoints, poses) for each in detections])
-    note = (
-        f"{missing} of {len(poses)} images have no pose of their own; they got the median position, unrotated"
-    )
-    return {"images": len(poses), "poses_found": 1 - missing / len(poses), "notes": [note] if missing else []}
+    note = f"{missing} of {count} images have no pose of their own; they got the median position, unrotated"
+    return {"images": count, "poses_found": 1 - missing / count, "notes": [note] if missing else []}
 
 
 def severity_curves(

@@ -35,12 +35,9 @@ class Data(ConfigSection):
     root: Path | None = None
     rendered: RenderSettings | None = None
     keypoints: str = "tango"
-    image_size: tuple[Side, Side] | None = (
-        None  # width, height to which training and test images are reduced first
-    )
-    reduce: Literal["area", "linear"] | None = (
-        None  # how, in training and in testing alike; area where left out
-    )
+    # width and height to which training and test images are reduced first, and how; area where left out
+    image_size: tuple[Side, Side] | None = None
+    reduce: Literal["area", "linear"] | None = None
     channels: Literal[1, 3] = 3  # 1: a network with one input channel, for gray images
     split_seed: Seed = 0
     train: Source = Source(domain="synthetic", split="train")
@@ -132,17 +129,14 @@ class Config(ConfigSection):
     training: dict[str, Any] = Field({})  # ultralytics' training arguments, the same in all arms
     arms: dict[Name, Arm] = Field(min_length=1)
     baseline: str = "baseline"
-    oracle: str | None = (
-        None  # the arm that knows the test cameras: the others' gains are given as a share of its gain
-    )
+    # the arm that knows the test cameras: the others' gains are given as a share of its gain
+    oracle: str | None = None
     cameras: dict[Name, MadeCamera] = Field({})  # made before the training, for arms to name
     seeds: list[Seed] = Field([0])
-    bootstrap: int = Field(
-        400, ge=0, le=10**6
-    )  # resamples of the test images, for the variance between images
-    weights: Literal["best", "last"] = (
-        "last"  # the headline; `best` by the clean validation images; both are reported
-    )
+    # resamples of the test images, for the variance between images
+    bootstrap: int = Field(400, ge=0, le=10**6)
+    # the headline; `best` by the clean validation images; both are reported
+    weights: Literal["best", "last"] = "last"
     published: bool = False  # put the paper's tables 2 to 4 beside one's own
     start: Start | None = None
     hidden: Hidden | None = None
@@ -152,17 +146,13 @@ class Config(ConfigSection):
     def arm(self, name: str) -> Arm:
         """An arm with the values that it takes from others."""
         if name not in self.arms:
-            raise InputError(
-                f"{name} is not an arm{did_you_mean(name, self.arms)}",
-                field="arms",
-                expected=f"one of {', '.join(self.arms)}",
-            )
+            problem, expected = f"{name} is not an arm{did_you_mean(name, self.arms)}", ", ".join(self.arms)
+            raise InputError(problem, field="arms", expected=f"one of {expected}")
         chain = [name]
         while (like := self.arms[chain[-1]].like) is not None:
             if like in chain or like not in self.arms:
-                raise InputError(
-                    f"{like} cannot be built on", field=f"arms.{name}.like", expected="another arm"
-                )
+                problem, field = f"{like} cannot be built on", f"arms.{name}.like"
+                raise InputError(problem, field=field, expected="another arm")
             chain.append(like)
         merged: dict[str, Any] = {}
         training: dict[str, Any] = {}
@@ -208,9 +198,8 @@ def _extended(path: Path, below: tuple[Path, ...] = ()) -> Any:
         return content
     other = content.pop("extends")
     if not isinstance(other, str) or path.resolve() in below:
-        raise InputError(
-            f"is {other!r}", file=path, field="extends", expected="another config's file, beside it"
-        )
+        expected = "another config's file, beside it"
+        raise InputError(f"is {other!r}", file=path, field="extends", expected=expected)
     base = _extended(path.parent / other, (*below, path.resolve()))
     if not isinstance(base, dict):
         raise InputError("holds no keys", file=path.parent / other)
@@ -228,9 +217,8 @@ def _beside(path: Path, name: str) -> str:
 def check_config(content: Any, path: Path | None = None) -> Config:
     """A checked Config, or an InputError that names the first key at fault."""
     if not isinstance(content, dict):
-        raise InputError(
-            "holds no keys", file=path, expected="name, output, data, arms as in configs/demo.yaml"
-        )
+        expected = "name, output, data, arms as in configs/demo.yaml"
+        raise InputError("holds no keys", file=path, expected=expected)
     try:
         config = Config.model_validate(content)
     except ValidationError as error:

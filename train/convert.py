@@ -98,7 +98,7 @@ def convert(
 def label_lines(poses: PoseSet, keypoints: Keypoints) -> list[str]:
     """One line of an ultralytics pose label per image, empty where no target is seen; all numbers as shares."""
     targets = poses.targets(keypoints)
-    size = np.array([poses.camera.width, poses.camera.height], float)
+    size = np.array(poses.camera.size, float)
     low, high = targets.boxes[:, :2] / size, targets.boxes[:, 2:] / size
     boxes = np.concatenate([(low + high) / 2, high - low], axis=1)
     points = np.where(targets.inside[..., None], targets.points / size, 0.0)

@@ -40,37 +40,34 @@ class Pinhole:
         else:  # SPEED gives the focal length and the pixel pitch in metres
             fx, fy, ppx, ppy = (_number(content, key, path) for key in ("fx", "fy", "ppx", "ppy"))
             matrix = np.array([[fx / ppx, 0, width / 2], [0, fy / ppy, height / 2], [0, 0, 1.0]])
-        distortion = np.zeros(5)
-        given = content.get("distCoeffs", [])
-        while isinstance(given, list) and len(given) == 1:  # a row, as OpenCV writes it
-            given = given[0]
-        if not isinstance(given, list) or len(given) not in (0, 4, 5):
+        given, distortion = content.get("distCoeffs", []), np.zeros(5)
+        lens = numbers_in(given).ravel()  # OpenCV writes a row or a column
+        if len(lens) not in (0, 4, 5) or not np.isfinite(lens).all():
             raise InputError(f"{path}: distCoeffs: expected 4 or 5 numbers (k1 k2 p1 p2 k3), got {given!r}")
-        given = [each[0] if isinstance(each, list) and len(each) == 1 else each for each in given]  # a column
-        distortion[: len(given)] = finite_array(given, (len(given),), f"{path}: distCoeffs")
+        distortion[: len(lens)] = lens
+        place, form = f"{path}: cameraMatrix", "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0"
         if not (matrix[0, 0] > 0 and matrix[1, 1] > 0 and np.allclose(matrix[2], [0, 0, 1])):
-            raise InputError(
-                f"{path}: cameraMatrix: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0"
-            )
+            raise InputError(f"{place}: expected {form}")
         if not (0 < matrix[0, 2] < width and 0 < matrix[1, 2] < height):
-            raise InputError(
-                f"{path}: cameraMatrix: expected a principal point inside {width} x {height} pixels"
-            )
+            raise InputError(f"{place}: expected a principal point inside {width} x {height} pixels")
         return cls(int(width), int(height), matrix, distortion)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self.width, self.height
 
     def to_json(self) -> dict[str, Any]:
         """In SPEED+'s layout; fx and fy in metres for a pitch of 5.86 um at 1920 pixels."""
-        pitch = 5.86e-6 * 1920 / self.width
-        fx, fy = float(self.matrix[0, 0]) * pitch, float(self.matrix[1, 1]) * pitch
+        pitch, matrix = 5.86e-6 * 1920 / self.width, self.matrix.tolist()
         return {
-            "Nu": self.width,
-            "Nv": self.height,
-            "ppx": pitch,
-            "ppy": pitch,
-            "fx": fx,
-            "fy": fy,
-            "ccx": float(self.matrix[0, 2]),
-            "ccy": float(self.matrix[1, 2]),
+            **{"Nu": self.width, "Nv": self.height, "ppx": pitch, "ppy": pitch},
+            **{
+                "fx": matrix[0][0] * pitch,
+                "fy": matrix[1][1] * pitch,
+                "ccx": matrix[0][2],
+                "ccy": matrix[1][2],
+            },
             "cameraMatrix": self.matrix.tolist(),
             "distCoeffs": self.distortion.tolist(),
         }
@@ -169,12 +166,8 @@ def _flip(content: dict, names: tuple[str, ...], path: Path) -> tuple[int, ...] 
         except (TypeError, ValueError, IndexError):
             left = right = -1
         if left == right or flip[left] != left or flip[right] != right:
-            raise InputError(
-                f"{pair!r} is no pair of points",
-                file=path,
-                field="flip_pairs",
-                expected="[[left, right], ...]",
-            )
+            problem, expected = f"{pair!r} is no pair of points", "[[left, right], ...]"
+            raise InputError(problem, file=path, field="flip_pairs", expected=expected)
         flip[left], flip[right] = right, left
     return tuple(flip)
 

@@ -45,11 +45,9 @@ def spread(
         total = ray.cluster_resources()
         for name, wanted in (("CPU", cluster.cpus_per_run), ("GPU", cluster.gpus_per_run)):
             if wanted > total.get(name, 0):
-                raise InputError(
-                    f"a run wants {wanted:g}, all nodes together have {total.get(name, 0):g}",
-                    field=f"cluster.{name.lower()}s_per_run",
-                    expected="no more than a node has",
-                )
+                problem = f"a run wants {wanted:g}, all nodes together have {total.get(name, 0):g}"
+                field = f"cluster.{name.lower()}s_per_run"
+                raise InputError(problem, field=field, expected="no more than a node has")
         task = ray.remote(
             num_cpus=cluster.cpus_per_run,
             num_gpus=cluster.gpus_per_run,

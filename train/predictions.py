@@ -198,7 +198,7 @@ def predict(
 
     model = YOLO(str(weights))
     size = size or fitting(poses.camera, image_size)
-    back = np.array([poses.camera.width, poses.camera.height]) / size
+    back = np.array(poses.camera.size) / size
     detections: list[Detections] = []
     how: dict[str, Any] = {"imgsz": image_size, "conf": 0.001, "max_det": 20, "batch": 32, "device": device}
     for first in range(0, len(poses), 64):

@@ -78,10 +78,8 @@ def read_pixels(file: Path, flags: int = cv2.IMREAD_GRAYSCALE) -> np.ndarray:
 def read_image(file: Path, camera: Pinhole, flags: int = cv2.IMREAD_UNCHANGED) -> np.ndarray:
     """An image file of this camera."""
     image = read_pixels(file, flags)
-    if image.shape[:2] != (camera.height, camera.width):
-        raise InputError(
-            f"wrong camera: the image has {image.shape[1]} x {image.shape[0]} pixels",
-            file=file,
-            expected=f"{camera.width} x {camera.height}, as camera.json says",
-        )
+    if image.shape[1::-1] != camera.size:
+        problem = f"wrong camera: the image has {image.shape[1]} x {image.shape[0]} pixels"
+        expected = f"{camera.width} x {camera.height}, as camera.json says"
+        raise InputError(problem, file=file, expected=expected)
     return image

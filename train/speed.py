@@ -272,7 +272,7 @@ def check_images(poses: PoseSet, listing: Path) -> None:
         )
     for file in poses.files[:: max(1, len(poses) // 32)]:  # the rest is checked when it is read
         size = image_size(file)
-        if size != (poses.camera.width, poses.camera.height):
+        if size != poses.camera.size:
             raise InputError(
                 f"{file}: wrong camera: camera.json says {poses.camera.width} x {poses.camera.height} pixels, "
                 f"the image has {size[0]} x {size[1]}"
@@ -292,7 +292,7 @@ def check_camera(poses: PoseSet, listing: Path) -> None:
     """With a wrong camera (or frames mixed up) most targets fall outside the image."""
     centre = Keypoints("centre", ("centre",), np.zeros((1, 3)))
     points = project_targets(poses.camera, centre, poses.quaternions, poses.translations).points[:, 0]
-    size = np.array([poses.camera.width, poses.camera.height])
+    size = np.array(poses.camera.size)
     near = (np.abs(points - size / 2) < 0.75 * size).all(axis=1)
     if near.mean() < 0.5:
         raise InputError(

@@ -61,11 +61,9 @@ def keypoints_of(source: str | Path, poses: PoseSet) -> Keypoints:
     if poses.keypoints is not None:
         return poses.keypoints
     if poses.spacecraft != "tango":
-        raise InputError(
-            f"{poses.name} shows {poses.spacecraft} and brings no keypoints",
-            field="keypoints",
-            expected="a YAML file with points_m in metres in its body frame",
-        )
+        problem = f"{poses.name} shows {poses.spacecraft} and brings no keypoints"
+        expected = "a YAML file with points_m in metres in its body frame"
+        raise InputError(problem, field="keypoints", expected=expected)
     return Keypoints.load(source)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from visaug.core.errors import InputError
-from visaug_train.geometry import finite_array
+from visaug_train.geometry import finite_array, numbers_in
 from visaug_train.speed import PoseSet
 
 SPLIT_WORDS = {"train": "train", "val": "validation", "validation": "validation", "test": "test"}
@@ -41,12 +41,8 @@ def unit_quaternions(quaternions: np.ndarray, file: Path) -> np.ndarray:
     """Quaternions (N, 4) brought to length 1, from which they may be off by the digits of the file alone."""
     length = np.linalg.norm(quaternions, axis=1)
     if (wrong := np.flatnonzero(~(np.abs(length - 1) < 1e-2))).size:
-        raise InputError(
-            f"has a quaternion of length {length[wrong[0]]:.4g}",
-            file=file,
-            field=f"record {wrong[0]}",
-            expected="unit quaternions",
-        )
+        problem, field = f"has a quaternion of length {length[wrong[0]]:.4g}", f"record {wrong[0]}"
+        raise InputError(problem, file=file, field=field, expected="unit quaternions")
     return quaternions / length[:, None]
 
 
@@ -56,9 +52,8 @@ def matrix_quaternions(matrices: np.ndarray, file: Path) -> np.ndarray:
 
     off = np.abs(matrices @ matrices.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
     if (wrong := np.flatnonzero(~((off < 1e-2) & (np.linalg.det(matrices) > 0)))).size:
-        raise InputError(
-            "is no rotation", file=file, field=f"record {wrong[0]}", expected="R R^T = 1, det R = 1"
-        )
+        field, expected = f"record {wrong[0]}", "R R^T = 1, det R = 1"
+        raise InputError("is no rotation", file=file, field=field, expected=expected)
     return np.roll(Rotation.from_matrix(matrices).as_quat(), 1, axis=1)
 
 
@@ -74,21 +69,17 @@ def columns(file: Path, words: Sequence[str], numbers: Sequence[str]) -> tuple[l
         rows = list(csv.DictReader(io.StringIO(file.read_text(encoding="utf-8-sig")), skipinitialspace=True))
     except (OSError, UnicodeDecodeError, csv.Error):
         raise InputError("cannot be read", file=file, expected="a CSV with a head") from None
+    head = ", ".join([*words, *numbers])
     if not rows:
-        raise InputError("holds no line", file=file, expected=", ".join([*words, *numbers]))
+        raise InputError("holds no line", file=file, expected=head)
     if missing := [name for name in [*words, *numbers] if name not in rows[0]]:
-        raise InputError(
-            "is missing", file=file, field=f"column {missing[0]}", expected=", ".join([*words, *numbers])
-        )
+        raise InputError("is missing", file=file, field=f"column {missing[0]}", expected=head)
     values = np.empty((len(rows), len(numbers)))
     for i, row in enumerate(rows):
         for j, name in enumerate(numbers):
-            try:
-                values[i, j] = float(row[name])
-            except (TypeError, ValueError):
-                values[i, j] = np.nan
-            if not np.isfinite(values[i, j]):
-                raise InputError(
-                    f"is {row[name]!r}", file=file, field=f"line {i + 2}, {name}", expected="a number"
-                )
+            found = numbers_in(row[name])
+            if not np.isfinite(found):
+                field = f"line {i + 2}, {name}"
+                raise InputError(f"is {row[name]!r}", file=file, field=field, expected="a number")
+            values[i, j] = found
     return [[row[name] or "" for name in words] for row in rows], values

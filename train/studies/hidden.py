@@ -104,13 +104,13 @@ def hide_effects(
     if hidden.views not in tests:
         raise InputError("is not a test set", field="hidden.views", expected=f"one of {', '.join(tests)}")
     views, plain = tests[hidden.views], cameras[PLAIN]
-    size = (views.camera.height, views.camera.width)
+    size = views.camera.size[::-1]
     if plain.resolution != size:
-        raise InputError(
+        problem, expected = (
             f"resolution is {list(plain.resolution)}",
-            file=vis.cameras[0],
-            expected=f"{list(size)}, rows and columns of the views",
+            f"{list(size)}, rows and columns of the views",
         )
+        raise InputError(problem, file=vis.cameras[0], expected=expected)
     taken: dict[str, PoseSet] = {}
     arms, found = dict(config.arms), []
 

@@ -50,11 +50,8 @@ def real_camera() -> tuple[visaug.Camera, visaug.FrameSet]:
         InputError: visaug was installed from a wheel, which has no frames under a share-alike licence.
     """
     if not REAL.is_dir():
-        raise InputError(
-            "is not in the wheel: its licence is CC BY-SA 3.0",
-            file=REAL,
-            expected="a clone, or the source archive",
-        )
+        problem = "is not in the wheel: its licence is CC BY-SA 3.0"
+        raise InputError(problem, file=REAL, expected="a clone, or the source archive")
     camera = visaug.Camera.load(REAL / "camera.yaml")
     return camera, visaug.FrameSet.load(REAL, resolution=camera.resolution, bit_depth=camera.bit_depth)
 

@@ -72,11 +72,9 @@ def check_cameras(config: Config) -> None:
     """Refuse, before anything is rendered, true cameras that are not known."""
     for name, made in config.cameras.items():
         if made.rendered is not None and (config.data.rendered is None or made.rendered not in _known()):
-            raise InputError(
-                f"the camera of {made.rendered} is not known",
-                field=f"cameras.{name}.rendered",
-                expected=f"data.rendered and one of {', '.join(_known())}",
-            )
+            problem, field = f"the camera of {made.rendered} is not known", f"cameras.{name}.rendered"
+            expected = f"data.rendered and one of {', '.join(_known())}"
+            raise InputError(problem, field=field, expected=expected)
 
 
 def make_cameras(
@@ -126,14 +124,12 @@ def _estimated(config: Config, name: str, poses: PoseSet) -> TargetCamera:
         frames = folder.subset([i for i, record in enumerate(folder.records) if record.file in names])
         result = visaug.characterize(frames)
         if "gain_e_per_dn" not in result.parameters:
-            raise InputError(
-                f"the {len(files)} pictures of {poses.domain} give no camera: {result.warnings[0]}",
-                field=f"cameras.{name}",
-                expected=result.not_determined["gain_e_per_dn"],
-            )
+            problem = f"the {len(files)} pictures of {poses.domain} give no camera: {result.warnings[0]}"
+            expected = result.not_determined["gain_e_per_dn"]
+            raise InputError(problem, field=f"cameras.{name}", expected=expected)
         content = result.to_camera_dict()
         if size is not None:
-            content = reduced_camera(content, (poses.camera.width, poses.camera.height), size, how)
+            content = reduced_camera(content, poses.camera.size, size, how)
         visaug.Camera.load(content).save(camera)
         write_json(answer, result.to_json())  # last: where it stands, the camera does
     return TargetCamera(name, poses.domain, camera, len(files), read_json(answer), tuple(files))
@@ -151,13 +147,12 @@ def _seen_size(config: Config, name: str, poses: PoseSet) -> tuple[int, int] | N
     parts = [part for arm in config.arms.values() for part in (arm.vis, arm.white)]
     places = {part.resolution for part in parts if part and name in part.cameras}
     if len(places) > 1:
-        raise InputError(
-            "arms use it at both resolutions",
-            field=f"cameras.{name}",
-            expected="vis.resolution network or sensor in all of its arms, or another camera of the same pictures",
+        expected = (
+            "vis.resolution network or sensor in all of its arms, or another camera of the same pictures"
         )
-    whole, size = (poses.camera.width, poses.camera.height), tuple(config.seen_size(poses.camera))
-    return None if places == {"sensor"} or size == whole else size
+        raise InputError("arms use it at both resolutions", field=f"cameras.{name}", expected=expected)
+    size = config.seen_size(poses.camera)
+    return None if places == {"sensor"} or tuple(size) == poses.camera.size else size
 
 
 def _true(config: Config, name: str, made: MadeCamera) -> TargetCamera:
