@@ -13,7 +13,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from visaug.core.documents import read_json, read_yaml
@@ -21,7 +20,7 @@ from visaug.core.errors import InputError
 from visaug.core.files import write_bytes, write_json, write_text, write_yaml
 from visaug.core.progress import Progress
 from visaug_train.geometry import Keypoints, Pinhole
-from visaug_train.reduction import read_image, reduced
+from visaug_train.reduction import read_image, reduced, write_png
 from visaug_train.speed import PoseSet
 
 
@@ -176,8 +175,7 @@ def _copy(
     if target.is_file():
         return target
     if size is not None:
-        image = reduced(read_image(file, camera), size, reduce)
-        write_bytes(target, cv2.imencode(".png", image)[1].tobytes())
+        write_png(target, reduced(read_image(file, camera), size, reduce))
         return target
     try:
         target.symlink_to(_way(file, folder, beside))

@@ -9,24 +9,18 @@ from pathlib import Path
 from visaug.core.errors import InputError
 
 # ultralytics' names of its hooks, and what each needs to be installed.
-TRACKERS = {
-    "tensorboard": "tensorboard",
-    "mlflow": "mlflow",
-    "wandb": "wandb",
-    "comet": "comet_ml",
-    "clearml": "clearml",
-    "dvc": "dvclive",
-}
+TRACKERS = {name: name for name in ("tensorboard", "mlflow", "wandb", "clearml")}
+TRACKERS |= {"comet": "comet_ml", "dvc": "dvclive"}
 
 
 def quiet_ultralytics(folder: str | Path) -> None:
     """Set what ultralytics reads when it is first imported; its settings go to `folder` unless a place is
     set.
     """
-    os.environ.setdefault("YOLO_OFFLINE", "1")
-    os.environ.setdefault("YOLO_AUTOINSTALL", "0")
-    os.environ.setdefault("YOLO_VERBOSE", "false")
-    os.environ.setdefault("ULTRALYTICS_SAFE_LOAD", "1")  # networks and checkpoints are data, and run no code
+    switches = {"YOLO_OFFLINE": "1", "YOLO_AUTOINSTALL": "0", "YOLO_VERBOSE": "false"}
+    switches["ULTRALYTICS_SAFE_LOAD"] = "1"  # networks and checkpoints are data, and run no code
+    for name, value in switches.items():
+        os.environ.setdefault(name, value)
     if "YOLO_CONFIG_DIR" not in os.environ:
         Path(folder).mkdir(parents=True, exist_ok=True)
         os.environ["YOLO_CONFIG_DIR"] = str(Path(folder).resolve())

@@ -12,6 +12,7 @@ from scipy.stats import binomtest
 
 from visaug_train.geometry import Targets
 from visaug_train.metrics import Detections
+from visaug_train.pose import pose_errors
 from visaug_train.speed import PoseSet
 
 Say = Callable[[str], None]
@@ -19,11 +20,14 @@ LEAST_IMAGES = 3  # below these a wrong prediction may fit another reading by ch
 UNITS = {"metres": 1.0, "centimetres": 0.01, "millimetres": 0.001}
 
 
-def clearly(errors: Sequence[float]) -> int:
-    """Which reading is meant: the first, which is the expected one, unless another is far nearer to the truth."""
-    best = int(np.argmin(errors))
+def clearly(errors: Sequence[np.ndarray]) -> int:
+    """Which reading is meant, by the errors (N) of each: the first, which is the expected one, unless another is far nearer to
+    the truth.
+    """
+    medians = [float(np.nanmedian(each)) for each in errors]
+    best = int(np.argmin(medians))
     beyond_doubt = 0.25  # of the median error as given
-    return best if errors[best] < beyond_doubt * errors[0] else 0
+    return best if medians[best] < beyond_doubt * medians[0] else 0
 
 
 def pose_readings(
@@ -33,23 +37,14 @@ def pose_readings(
     answered = np.isfinite(quaternions).all(axis=1)
     if not poses.posed or answered.sum() < LEAST_IMAGES:
         return quaternions, translations
+    true = poses.quaternions, poses.translations
     orders = [quaternions, np.roll(quaternions, 1, axis=1)]
-    if order := clearly([_median(_angles(q, poses.quaternions)) for q in orders]):
+    if order := clearly([pose_errors(each, translations, *true)[1] for each in orders]):
         say("the quaternions are scalar last (x, y, z, w), and were read so")
-    sizes = np.linalg.norm(poses.translations, axis=1)
-    off = [np.linalg.norm(f * translations - poses.translations, axis=1) / sizes for f in UNITS.values()]
-    if unit := clearly([_median(each) for each in off]):
+    scaled = [translations * factor for factor in UNITS.values()]
+    if unit := clearly([pose_errors(quaternions, each, *true)[0] for each in scaled]):
         say(f"the positions are in {list(UNITS)[unit]}, and were read so")
-    return orders[order], translations * list(UNITS.values())[unit]
-
-
-def _median(errors: np.ndarray) -> float:
-    return float(np.nanmedian(errors))
-
-
-def _angles(quaternions: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """Angles to the truth (N), radians."""
-    return 2 * np.arccos(np.minimum(np.abs((quaternions * true).sum(axis=1)), 1))
+    return orders[order], scaled[unit]
 
 
 def which_block(blocks: Sequence[np.ndarray], foreign: Sequence[int], poses: PoseSet) -> int | None:
@@ -63,9 +58,9 @@ def which_block(blocks: Sequence[np.ndarray], foreign: Sequence[int], poses: Pos
         return complete[0] if len(complete) == 1 else None
     errors = []
     for block in blocks:
-        q, r = pose_readings(block[:, :4], block[:, 4:], poses, lambda _: None)
-        off = np.linalg.norm(r - poses.translations, axis=1) / np.linalg.norm(poses.translations, axis=1)
-        errors.append(_angles(q, poses.quaternions) + off)
+        read = pose_readings(block[:, :4], block[:, 4:], poses, lambda _: None)
+        off, turned_deg = pose_errors(*read, poses.quaternions, poses.translations)
+        errors.append(np.radians(turned_deg) + off)
     known = np.array(errors)[:, np.isfinite(errors).any(axis=0)]
     known = np.where(np.isfinite(known), known, np.inf)
     alone = (known == known.min(axis=0)).sum(axis=0) == 1  # equal answers tell nothing
@@ -100,7 +95,7 @@ def point_readings(
     copies = _copies(np.median(points[far] / truth[far], axis=0), size)
     factor = whole / copies
     off = [np.linalg.norm(points * f - truth, axis=1) / sizes for f in (np.ones(2), factor)]
-    if not clearly([_median(each) for each in off]):
+    if not clearly(off):
         return detections
     what = "shares of the image" if copies == [1, 1] else f"pixels of {copies[0]} x {copies[1]} images"
     say(f"boxes and keypoints are in {what}, and were brought to {size[0]} x {size[1]}")

@@ -2,6 +2,7 @@
 
 import hashlib
 import platform
+from contextlib import suppress
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -14,15 +15,9 @@ from visaug.core.documents import read_json
 from visaug_train.arms import Arm
 from visaug_train.config import Config
 
-PACKAGES = (
-    "torch",
-    "torchvision",
-    "numpy",
-    "ultralytics",
-    "ultralytics-opencv-headless",
-    "opencv-python-headless",
-    "albumentations",  # where it is installed, ultralytics adds augmentations of its own by default
-)
+PACKAGES = ("torch", "torchvision", "numpy", "ultralytics", "ultralytics-opencv-headless")
+# where albumentations is installed, ultralytics adds augmentations of its own by default
+PACKAGES = (*PACKAGES, "opencv-python-headless", "albumentations")
 # Entries of a run's surroundings that may change its outcome: the report says where runs differ in them.
 COMPARED = ("visaug", *PACKAGES, "device", "amp")
 
@@ -71,14 +66,9 @@ def _noise(arm: Arm) -> dict[str, Any]:
 def camera_values(name: str) -> dict[str, Any]:
     """Every value of a camera, and a digest of its measured maps: a shipped camera that changes is another one."""
     camera = Camera.load(name)
-    values = camera.to_dict()
-    values.pop("source", None)
-    if camera.maps:
-        maps = {
-            key: hashlib.sha256(value.numpy().tobytes()).hexdigest() for key, value in camera.maps.items()
-        }
-        values["maps_sha256"] = maps
-    return values
+    values = {key: value for key, value in camera.to_dict().items() if key != "source"}
+    maps = {key: hashlib.sha256(value.numpy().tobytes()).hexdigest() for key, value in camera.maps.items()}
+    return values | ({"maps_sha256": maps} if maps else {})
 
 
 def surroundings(device: Any = None, amp: Any = None) -> dict[str, Any]:
@@ -87,10 +77,8 @@ def surroundings(device: Any = None, amp: Any = None) -> dict[str, Any]:
 
     found = {"python": platform.python_version(), "visaug": visaug.__version__}
     for name in PACKAGES:
-        try:
+        with suppress(PackageNotFoundError):
             found[name] = version(name)
-        except PackageNotFoundError:
-            continue
     wanted = str(device) if device not in (None, "") else ""
     on_cpu = wanted == "cpu" or not torch.cuda.is_available()
     where = platform.processor() or platform.machine() if on_cpu else torch.cuda.get_device_name()
@@ -105,9 +93,7 @@ def surroundings(device: Any = None, amp: Any = None) -> dict[str, Any]:
 def _file_digest(path: str) -> str | None:
     """Of a file of weights; a YAML that comes with ultralytics is known by its name and version."""
     file = Path(path)
-    if not file.is_file():
-        return None
-    return _digest_at(file, file.stat().st_mtime_ns)
+    return _digest_at(file, file.stat().st_mtime_ns) if file.is_file() else None
 
 
 @lru_cache

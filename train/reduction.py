@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from visaug.core.errors import InputError
+from visaug.core.files import write_bytes
 from visaug_train.geometry import Pinhole
 
 METHODS = {"area": cv2.INTER_AREA, "linear": cv2.INTER_LINEAR}
@@ -73,6 +74,11 @@ def read_pixels(file: Path, flags: int = cv2.IMREAD_GRAYSCALE) -> np.ndarray:
     if image is None:
         raise InputError("cannot be read", file=file, expected="an image")
     return image
+
+
+def write_png(file: Path, image: np.ndarray) -> None:
+    """Write an image whole."""
+    write_bytes(file, cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 3])[1].tobytes())
 
 
 def read_image(file: Path, camera: Pinhole, flags: int = cv2.IMREAD_UNCHANGED) -> np.ndarray:

@@ -16,6 +16,7 @@ from PIL import Image
 
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
+from visaug.core.files import write_json
 from visaug_train.geometry import Keypoints, Pinhole, Targets, finite_array, project_targets
 
 # The paper splits SPEED's 12,000 labelled synthetic images so (it does not say which image goes where).
@@ -259,6 +260,14 @@ def read_listing(listing: Path, images: Path, camera: Pinhole, name: str) -> Pos
         raise InputError(f"{listing}: filename: expected every image once")
     poses = np.array(found)
     return PoseSet(name, camera, tuple(files), poses[:, :4], poses[:, 4:])
+
+
+def write_listing(
+    listing: Path, names: Iterable[str], quaternions: np.ndarray, translations: np.ndarray
+) -> None:
+    """Write a list of SPEED+'s records."""
+    poses = zip(names, quaternions.tolist(), translations.tolist())
+    write_json(listing, [{"filename": n, "q_vbs2tango_true": q, "r_Vo2To_vbs_true": r} for n, q, r in poses])
 
 
 def check_images(poses: PoseSet, listing: Path) -> None:

@@ -4,6 +4,7 @@ Radiance 1 is a white matt surface that the unit sun hits at a right angle. The 
 shadow, one shadow ray); the Earth and its like are a half sky of even light around a direction.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +35,11 @@ class Views:
 
     def __len__(self) -> int:
         return len(self.quaternions)
+
+
+def join(views: Sequence[Views]) -> Views:
+    """All images of several."""
+    return Views(*map(np.concatenate, zip(*(vars(view).values() for view in views))))
 
 
 class RayCaster:

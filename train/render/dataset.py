@@ -8,12 +8,11 @@ import json
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import asdict, astuple, dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import cv2
 import numpy as np
 import torch
 from pydantic import AfterValidator, Field, field_validator
@@ -21,10 +20,11 @@ from pydantic import AfterValidator, Field, field_validator
 from visaug.core.cores import cores
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
-from visaug.core.files import write_bytes, write_json
+from visaug.core.files import write_json
 from visaug.core.progress import Progress
 from visaug_train.geometry import Pinhole
-from visaug_train.render.caster import RayCaster, Views
+from visaug_train.reduction import write_png
+from visaug_train.render.caster import RayCaster, Views, join
 from visaug_train.render.independent_camera import (
     LIGHTBOX_CAMERA,
     LIGHTBOX_LINES_CAMERA,
@@ -34,6 +34,7 @@ from visaug_train.render.independent_camera import (
 )
 from visaug_train.render.views import LIGHTBOX, SUNLAMP, SYNTHETIC, Lighting, draw_earth, draw_views
 from visaug_train.sections import ConfigSection, Seed, ordered
+from visaug_train.speed import write_listing
 
 # SPEED+'s published intrinsics; a rendering of another size uses them scaled, so the field of view stays.
 SPEED_PLUS_CAMERA = Pinhole(
@@ -128,15 +129,8 @@ def render_dataset(root: str | Path, settings: RenderSettings, progress: Progres
                     for cut, _ in zip(cuts, jobs):
                         if progress:
                             progress("rendering", done + cut.stop, total)
-                records = [
-                    {
-                        "filename": _name(number),
-                        "q_vbs2tango_true": view.quaternions[0].tolist(),
-                        "r_Vo2To_vbs_true": view.translations[0].tolist(),
-                    }
-                    for number, view in zip(numbers, views)
-                ]
-                write_json(listing, records)
+                joined = join(views)
+                write_listing(listing, map(_name, numbers), joined.quaternions, joined.translations)
             done += count
             first += count
     return root
@@ -173,15 +167,14 @@ def _render_part(
     files = [root / domain / "images" / _name(number) for number in numbers]
     if all(file.is_file() for file in files):
         return
-    joined = Views(*map(np.concatenate, zip(*(astuple(view) for view in views))))
-    radiance, covered = (tensor.numpy() for tensor in caster.render(joined))
+    radiance, covered = (tensor.numpy() for tensor in caster.render(join(views)))
     for file, number, image, cover in zip(files, numbers, radiance, covered):
         rng = _stream(settings, domain, number, 1)
         clean, picture = _expose(DOMAINS[domain], image, cover, caster.camera, rng)
-        write_bytes(file, _png(picture))
+        write_png(file, picture)
         if settings.linear_frames:
             frame = np.clip(np.rint(clean * LINEAR_WHITE_DN), 0, 65535).astype(np.uint16)
-            write_bytes(root / domain / "images_linear" / file.name, _png(frame))
+            write_png(root / domain / "images_linear" / file.name, frame)
 
 
 def _expose(
@@ -208,7 +201,3 @@ def _name(number: int) -> str:
 def _stream(settings: RenderSettings, domain: str, number: int, part: int) -> np.random.Generator:
     views = DOMAINS[domain].views_of or domain
     return np.random.default_rng([settings.seed, list(DOMAINS).index(views), number, part])
-
-
-def _png(image: np.ndarray) -> bytes:
-    return cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 3])[1].tobytes()

@@ -19,7 +19,7 @@ import visaug
 from visaug.camera.simulation import simulate, with_chart
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
-from visaug.core.files import write_bytes, write_json
+from visaug.core.files import write_json
 from visaug.core.progress import Progress
 from visaug.frames import FrameRecord, FrameSet
 from visaug.frames.plan import default_plan
@@ -30,9 +30,9 @@ from visaug_train import tables
 from visaug_train.config import Arm, Config
 from visaug_train.convert import identity
 from visaug_train.plots import plot_scores
-from visaug_train.reduction import read_pixels
+from visaug_train.reduction import read_pixels, write_png
 from visaug_train.render.dataset import LINEAR_WHITE_DN
-from visaug_train.speed import PoseSet
+from visaug_train.speed import PoseSet, write_listing
 from visaug_train.statistics import sign
 
 if TYPE_CHECKING:
@@ -208,15 +208,12 @@ def take_views(
         for i, file in enumerate(chosen):
             dn = frames.read(i).astype(float) - spec.black_level_dn
             picture = np.clip(np.rint(dn / full_dn * 255), 0, 255).astype(np.uint8)
-            write_bytes(images / file.name, cv2.imencode(".png", picture)[1].tobytes())
+            write_png(images / file.name, picture)
         if progress:
             progress(f"taking views: {domain}", min(first + together, len(views)), len(views))
     camera.save(folder / "camera.yaml")
     write_json(folder / "camera.json", views.camera.to_json())
-    poses = zip(files, views.quaternions.tolist(), views.translations.tolist())
-    write_json(
-        listing, [{"filename": f.name, "q_vbs2tango_true": q, "r_Vo2To_vbs_true": r} for f, q, r in poses]
-    )
+    write_listing(listing, [file.name for file in files], views.quaternions, views.translations)
     return replace(views, name=domain, files=files)
 
 
