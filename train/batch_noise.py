@@ -11,6 +11,7 @@ from pydantic import Field, field_validator
 from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d, conv2d, interpolate, pad
 
+from visaug.effects.optics.defocus import disc
 from visaug_train.sections import Amounts, ConfigSection, Counts, PositivePair, Share, SharePair
 
 
@@ -216,11 +217,7 @@ def _speckle(image: Tensor, severity: float) -> Tensor:
 
 
 def _defocus(image: Tensor, severity: float) -> Tensor:
-    radius = 1 + 2 * severity
-    reach = int(radius + 1)
-    x = torch.arange(-reach, reach + 1, device=image.device, dtype=image.dtype)
-    disc = (radius + 0.5 - (x[:, None] ** 2 + x**2).sqrt()).clamp(0, 1)
-    return convolve_each(image, (disc / disc.sum())[None, None])
+    return convolve_each(image, disc(image.new_full((1, 1, 1, 1), 1 + 2 * severity)))
 
 
 def convolve_each(images: Tensor, kernels: Tensor) -> Tensor:

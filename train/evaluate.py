@@ -169,20 +169,21 @@ def _of_poses(found: list[Pose | None], poses: PoseSet, seen: np.ndarray) -> dic
     answered = np.array([pose is not None for pose in found])
     given = np.array([np.full(7, np.nan) if pose is None else np.concatenate(pose) for pose in found])
     exact = pose_errors(given[:, :4], given[:, 4:], poses.quaternions, poses.translations)
-    exact = np.where(seen, exact, np.nan)
-    limited = np.where(
-        answered, np.minimum(exact.T, NO_POSE).T, np.where(seen, np.array([NO_POSE]).T, np.nan)
+    off, turned_deg = (np.where(seen, errors, np.nan) for errors in exact)
+    # fmin passes over the NaN of an image without an answer
+    position, attitude_deg = (
+        np.where(seen, np.fmin(errors, most), np.nan) for errors, most in zip((off, turned_deg), NO_POSE)
     )
     floors = poses.domain in FLOORED_DOMAINS
-    without_limit = (*exact, spec_score(*exact, floors))
+    without_limit = (off, turned_deg, spec_score(off, turned_deg, floors))
     return {
         "pose_found": answered.astype(float),
-        "position_error": limited[0],
-        "position_error_m": limited[0] * np.linalg.norm(poses.translations, axis=1),
-        "attitude_error_deg": limited[1],
-        "spec_score": spec_score(*limited, floors),
-        "spec_score_floored": spec_score(*limited, True),
-        "spec_score_unfloored": spec_score(*limited, False),
+        "position_error": position,
+        "position_error_m": position * np.linalg.norm(poses.translations, axis=1),
+        "attitude_error_deg": attitude_deg,
+        "spec_score": spec_score(position, attitude_deg, floors),
+        "spec_score_floored": spec_score(position, attitude_deg, True),
+        "spec_score_unfloored": spec_score(position, attitude_deg, False),
         **{f"answered_{name}": values for name, values in zip(ANSWERED, without_limit)},
     }
 

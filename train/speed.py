@@ -77,11 +77,10 @@ class PoseSet:
         `a.png`, or `scene_1/rgb/a.png`.
         """
         longest = max((len(file.parts) for file in self.files), default=1)
-        for parts in range(1, longest + 1):
-            found = tuple("/".join(file.parts[-parts:]) for file in self.files)
-            if len(set(found)) == len(found):
-                break
-        return found
+        parts = 1
+        while parts < longest and len({file.parts[-parts:] for file in self.files}) < len(self.files):
+            parts += 1
+        return tuple("/".join(file.parts[-parts:]) for file in self.files)
 
     def targets(self, keypoints: Keypoints) -> Targets:
         """Boxes and keypoints in pixels: as annotated where they are, else projected by the pose."""

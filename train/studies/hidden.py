@@ -325,8 +325,8 @@ def outcomes(ablation: "Ablation") -> list[Outcome]:
     for each in ablation.study.hidden:
         d = each.domain
         if (cost := change(baseline, d, baseline, PLAIN)) is not None:
-            changes = [change(arm, d, baseline, d) for arm in (each.named, each.wrong, each.known)]
-            made.append(Outcome(each, cost, *changes, change(each.named, d, each.wrong, d)))
+            named, wrong, known = (change(a, d, baseline, d) for a in (each.named, each.wrong, each.known))
+            made.append(Outcome(each, cost, named, wrong, known, change(each.named, d, each.wrong, d)))
     return made
 
 
