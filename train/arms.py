@@ -91,11 +91,8 @@ class Arm(ConfigSection):
     randconv: RandConv | None = None
     corruptions: Corruptions | None = None
     erase: RandomErase | None = None
-    clean_epochs: int = Field(
-        default=0,
-        ge=0,
-        description="the last epochs of a run, trained without all of this, as close_mosaic does for mosaics",
-    )
+    # the last epochs of a run, trained without all of this, as close_mosaic does for mosaics
+    clean_epochs: int = Field(default=0, ge=0)
     training: dict[str, Any] = Field(default={})
 
     @property

@@ -173,14 +173,7 @@ def severity_curves(
     arm: str | None = None,
     elsewhere: tuple[Path, str, str | None] | None = None,
 ) -> str:
-    """Robustness curves of an arm of a config on a set; what to print.
-
-    Args:
-        config_path, seed, arm: which network.
-        camera: whose conditions are changed.
-        axes: which curves; all where it is empty.
-        elsewhere: folder, domain and split of a set; the config's first test set where left out.
-    """
+    """Robustness curves of an arm of a config on a set, `elsewhere` or else the config's first test set; what to print."""
     study, run = _trained(config_path, seed, progress, arm)
     poses = next(iter(study.tests.values())) if elsewhere is None else read_poses(*elsewhere)
     network = hashlib.sha256(run.weights.read_bytes()).hexdigest()

@@ -38,9 +38,8 @@ CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 SHORT, FULL = CONFIGS / "demo_short.yaml", CONFIGS / "demo.yaml"
 DIAGNOSED, DOMAIN = "vis_diagnosed", "lightbox"  # the arm and the test set of the headline
 NAME = "lightbox camera"
-MOST_PROCESSES = 4  # each takes about 1 GB of memory
 RESOLUTION = (64, 96)  # of the frames; a diagnosis takes time by the pixel
-EXPOSURE_S, TEMPERATURE_C = 0.01, 20.0
+CONDITIONS = {"exposure_s": 0.01, "temperature_c": 20.0}
 BIASES, FLATS = 12, 6
 LEVELS = (0.1, 0.3, 0.5, 0.7)  # of full well
 
@@ -65,8 +64,7 @@ def data_sheet(camera: IndependentCamera, name: str, resolution: tuple[int, int]
         "gain_e_per_dn": camera.e_per_dn,
         "black_level_dn": camera.black_level_dn,
         "full_well_e": camera.full_well_e,
-        "exposure_s": EXPOSURE_S,
-        "temperature_c": TEMPERATURE_C,
+        **CONDITIONS,
         "read_noise": {"sigma_e": camera.read_noise_e, "shape": -0.1},
         "prnu": {"pixel": camera.pixel_gain},
         "dsnu": {"column_e": camera.column_offset_e, "pixel_e": camera.pixel_offset_e},
@@ -78,21 +76,13 @@ def take_frames(camera: IndependentCamera, resolution: tuple[int, int], seed: in
     rng = np.random.default_rng([20261, seed])
     white = camera.full_well_e / camera.quantum_efficiency
     photons = [0.0] * BIASES + [level * white for level in LEVELS for _ in range(FLATS)]
-    order = rng.permutation(len(photons))
-    records = [
-        FrameRecord(
-            sequence,
-            f"frame{sequence:03d}",
-            "flat" if photons[i] else "bias",
-            EXPOSURE_S if photons[i] else 0.0,
-            TEMPERATURE_C,
-            0.0,
-            photons=photons[i] or None,
-        )
-        for sequence, i in enumerate(order)
-    ]
-    frames = np.stack([camera.expose(np.full(resolution, photons[i]), rng) for i in order])
-    return FrameSet.from_arrays(records, frames, bit_depth=12)
+    records, frames = [], []
+    for sequence, i in enumerate(rng.permutation(len(photons))):
+        kind, exposure_s = ("flat", CONDITIONS["exposure_s"]) if photons[i] else ("bias", 0.0)
+        where = (sequence, f"frame{sequence:03d}", kind, exposure_s, CONDITIONS["temperature_c"], 0.0)
+        records.append(FrameRecord(*where, photons=photons[i] or None))
+        frames.append(camera.expose(np.full(resolution, photons[i]), rng))
+    return FrameSet.from_arrays(records, np.stack(frames), bit_depth=12)
 
 
 def diagnosed_camera(output: Path, seed: int = 0, progress: Progress | None = None) -> tuple[Path, Path]:
@@ -140,7 +130,8 @@ def train_side_by_side(
     """
     config = demo_config(output, seed, full)
     runs = (len(config.arms) + 1) * len(config.seeds)
-    with Workers(min(cores(), MOST_PROCESSES), runs, progress) as workers:
+    most_processes = 4  # each takes about 1 GB of memory
+    with Workers(min(cores(), most_processes), runs, progress) as workers:
         diagnosis = workers.submit(_diagnose, config.output, seed)
         study = prepare(config, progress)
         start_network(study, progress)
@@ -181,14 +172,9 @@ def run_demo(
 ) -> tuple[Path, list[str]]:
     """The whole job; returns the report's path and the finding, in three sentences.
 
-    It starts processes that import the calling script: call it under `if __name__ == "__main__":`.
-
-    Args:
-        output: folder of data, runs and report.html.
-        seed: of the trainings and the diagnosis.
-        progress: called with (description, done, total).
-        full: the longer study: three arms of a network that is trained from nothing, four test sets, a real camera beside its
-            model, and a second hidden effect.
+    It starts processes that import the calling script: call it under `if __name__ == "__main__":`. `full` is the longer study:
+    three arms of a network that is trained from nothing, four test sets, a real camera beside its model, and a second hidden
+    effect.
     """
     output = Path(output)
     say = progress or (lambda *_: None)

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 THRESHOLDS = np.linspace(0.5, 0.95, 10)
-RECALLS = np.linspace(0.0, 1.0, 101)
 DEFINITIONS = ("paper", "coco")
 BOXES_PER_IMAGE, KEYPOINT_SETS_PER_IMAGE = 100, 20  # COCO's maxDets
 
@@ -120,8 +119,8 @@ class PrecisionTable:
         recall = hits / targets
         precision = hits / (hits + misses + np.spacing(1))
         envelope = np.maximum.accumulate(precision[:, ::-1], axis=1)[:, ::-1]
-        total = 0.0
+        total, recalls = 0.0, np.linspace(0.0, 1.0, 101)
         for found, best in zip(recall, envelope):
-            at = np.searchsorted(found, RECALLS, side="left")
+            at = np.searchsorted(found, recalls, side="left")
             total += best[at[at < len(best)]].sum()
-        return float(total) / (len(THRESHOLDS) * len(RECALLS))
+        return float(total) / (len(THRESHOLDS) * len(recalls))

@@ -6,10 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from visaug_train.geometry import Pinhole
 
-# Below these a pose is as exact as the reference poses of the hardware-in-the-loop images are: SPEC 2021 counts no
-# error. They are the calibration's of lightbox and sunlamp; rendered images have exact poses and no floor (SPEC 2019).
-POSITION_FLOOR, ATTITUDE_FLOOR_DEG = 0.002173, 0.169
-FLOORED_DOMAINS = ("lightbox", "sunlamp")
+FLOORED_DOMAINS = ("lightbox", "sunlamp")  # rendered images have exact poses and no floor (SPEC 2019)
 
 
 def estimate_pose(
@@ -86,8 +83,10 @@ def pose_errors(
 
 
 def spec_score(position: np.ndarray, attitude_deg: np.ndarray, floors: bool = True) -> np.ndarray:
-    """e_t + e_q (radians) of each pose; with `floors` each is 0 below the exactness of the reference."""
+    """e_t + e_q (radians) of each pose; with `floors` each is 0 below the exactness of the reference poses of the
+    hardware-in-the-loop images, which is the calibration's of lightbox and sunlamp (SPEC 2021).
+    """
     if floors:
-        position = np.where(position < POSITION_FLOOR, 0, position)
-        attitude_deg = np.where(attitude_deg < ATTITUDE_FLOOR_DEG, 0, attitude_deg)
+        position = np.where(position < 0.002173, 0, position)
+        attitude_deg = np.where(attitude_deg < 0.169, 0, attitude_deg)
     return position + np.radians(attitude_deg)

@@ -19,8 +19,6 @@ from visaug.core.errors import InputError
 from visaug.core.files import write_json
 from visaug_train.geometry import Keypoints, Pinhole, Targets, finite_array, project_targets
 
-# The paper splits SPEED's 12,000 labelled synthetic images so (it does not say which image goes where).
-SPEED_SPLIT = {"train": 7680, "validation": 1920, "test": 2400}
 # SPEED's starter kit: 17.6 mm, 5.86 um, no distortion. Used where a SPEED folder has no camera.json.
 SPEED_CAMERA = Pinhole(
     1920, 1200, np.array([[0.0176 / 5.86e-6, 0, 960], [0, 0.0176 / 5.86e-6, 600], [0, 0, 1.0]]), np.zeros(5)
@@ -30,28 +28,19 @@ SPLITS = ("train", "validation", "test")
 
 @dataclass(frozen=True, eq=False)
 class PoseSet:
-    """Images of one camera and one spacecraft, with what the data set says of each.
+    """Images of one camera and one spacecraft, with what the data set says of each; what it does not have is None."""
 
-    Attributes:
-        name: domain/split.
-        camera: intrinsics; all images have its size.
-        files: the images (N).
-        quaternions, translations: poses (N, 4) scalar first and (N, 3) in metres, p_camera = R p_body + r; NaN if unknown.
-        keypoints: the data set's own points of the spacecraft; None where it has none.
-        boxes: annotated boxes (N, 4) x0 y0 x1 y1 in pixels, NaN where an image has no target; None where the data set has none.
-        points: annotated keypoints (N, K, 3) x, y in pixels and COCO's visibility; None where the data set has none.
-        spacecraft: whose points are meant where `keypoints` is None.
-    """
-
-    name: str
-    camera: Pinhole
-    files: tuple[Path, ...]
-    quaternions: np.ndarray
-    translations: np.ndarray
-    keypoints: Keypoints | None = None
-    boxes: np.ndarray | None = None
-    points: np.ndarray | None = None
-    spacecraft: str = "tango"
+    name: str  # domain/split
+    camera: Pinhole  # intrinsics; all images have its size
+    files: tuple[Path, ...]  # the images (N)
+    quaternions: np.ndarray  # of the poses, (N, 4) scalar first, p_camera = R p_body + r; NaN if unknown
+    translations: np.ndarray  # of the poses, (N, 3) in metres
+    keypoints: Keypoints | None = None  # the data set's own points of the spacecraft
+    boxes: np.ndarray | None = (
+        None  # annotated, (N, 4) x0 y0 x1 y1 in pixels, NaN where an image has no target
+    )
+    points: np.ndarray | None = None  # annotated keypoints (N, K, 3): x, y in pixels and COCO's visibility
+    spacecraft: str = "tango"  # whose points are meant where `keypoints` is None
 
     def __len__(self) -> int:
         return len(self.files)
@@ -218,14 +207,12 @@ def part_of(poses: PoseSet, share: tuple[float, float], seed: int) -> PoseSet:
 
 
 def split_indices(count: int, seed: int) -> dict[str, np.ndarray]:
-    """Indices of the images that train, validate and test.
-
-    A permutation of `count` cut as 7680 : 1920 : 2400, each part sorted.
+    """Indices of the images that train, validate and test, each part sorted: a permutation cut as the paper splits SPEED's 12,000
+    labelled synthetic images, 7680 : 1920 : 2400 (it does not say which image goes where).
     """
     order = np.random.default_rng([20250711, seed]).permutation(count)
-    total = sum(SPEED_SPLIT.values())
-    first = round(count * SPEED_SPLIT["train"] / total)
-    second = first + round(count * SPEED_SPLIT["validation"] / total)
+    first = round(count * 7680 / 12000)
+    second = first + round(count * 1920 / 12000)
     return {name: np.sort(part) for name, part in zip(SPLITS, np.split(order, [first, second]))}
 
 

@@ -19,7 +19,6 @@ from visaug_train.datasets.reader import SPLIT_WORDS, Reader, matrix_quaternions
 from visaug_train.geometry import Keypoints, Pinhole
 from visaug_train.speed import PoseSet, by_domain, image_size
 
-M_PER_MM = 1e-3
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
 
@@ -55,7 +54,7 @@ def _read(root: Path, domain: str, split: str) -> PoseSet:
             if (truth := _only(truths.get(key, []), poses, key)) is not None:
                 objects.add(truth.get("obj_id"))
                 row[:9] = numbers_of(truth, "cam_R_m2c", 9, poses, key)
-                row[9:12] = numbers_of(truth, "cam_t_m2c", 3, poses, key) * M_PER_MM
+                row[9:12] = numbers_of(truth, "cam_t_m2c", 3, poses, key) / 1000
             if "bbox_visib" in (info := _only(infos.get(key, []), details, key) or {}):
                 x, y, width, height = numbers_of(info, "bbox_visib", 4, details, key)
                 row[12:] = (x, y, x + width, y + height) if min(width, height) > 0 else np.nan
@@ -96,7 +95,7 @@ def _corners(root: Path, number: Any) -> Keypoints | None:
     )
     corners = np.array(list(product((0, 1), repeat=3)))
     names = tuple("corner_" + "".join(map(str, corner)) for corner in corners)
-    return Keypoints(f"obj_{int(number):06d}", names, (low + corners * size) * M_PER_MM)
+    return Keypoints(f"obj_{int(number):06d}", names, (low + corners * size) / 1000)
 
 
 def _images(scene: Path) -> dict[int, Path]:

@@ -47,7 +47,6 @@ def _read_spark(root: Path, domain: str, split: str) -> PoseSet:
     return PoseSet(f"{domain}/{split}", SPARK_CAMERA, files, quaternions, values[:, :3], spacecraft="Proba-2")
 
 
-TO_OPENCV = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])  # x right, y down, z forward, from AirSim's axes
 VALIDATION = {"ACE", "CALIPSO", "Dawn", "ExoMars_TGO", "GRAIL", "Integral", "LADEE", "OSIRIS_REX", "Proba_2"}
 VALIDATION |= {
     "Lunar_Reconnaissance_Orbiter",
@@ -78,14 +77,17 @@ def _spacesense_domains(root: Path) -> dict[str, tuple[str, ...]]:
 def _read_spacesense(root: Path, domain: str, split: str) -> PoseSet:
     files: list[Path] = []
     quaternions, translations = [], []
+    to_opencv = np.array(
+        [[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]
+    )  # x right, y down, z forward, from AirSim's axes
     target = "target_spacecraft_in_camera"
     numbers = [f"{target}_pos_{axis}(m)" for axis in "xyz"] + [f"{target}_quat_{part}" for part in "wxyz"]
     for table in _lists(root)[domain]:
         texts, values = columns(table, ("timestamp",), numbers)
         files += [table.parent / "image" / f"{stamp}.png" for (stamp,) in texts]
-        turns = TO_OPENCV @ rotation_matrix(unit_quaternions(values[:, 3:], table))
+        turns = to_opencv @ rotation_matrix(unit_quaternions(values[:, 3:], table))
         quaternions.append(matrix_quaternions(turns, table))
-        translations.append(values[:, :3] @ TO_OPENCV.T)
+        translations.append(values[:, :3] @ to_opencv.T)
     width, height = image_size(files[0])
     field_of_view_deg = 50.0  # over the width
     focal_px = width / 2 / math.tan(math.radians(field_of_view_deg) / 2)

@@ -18,19 +18,14 @@ SPLIT_WORDS = {"train": "train", "val": "validation", "validation": "validation"
 
 @dataclass(frozen=True)
 class Reader:
-    """How a data set of one layout is recognised and read.
+    """How a data set of one layout is recognised and read."""
 
-    Attributes:
-        name: of the data set.
-        marks: patterns of files, relative to the root, of which the layout has one.
-        domains: the domains of a root with the splits that each has.
-        read: the images of (root, domain, split), which `domains` names. Files need not be checked.
-    """
-
-    name: str
-    marks: tuple[str, ...]
-    domains: Callable[[Path], dict[str, tuple[str, ...]]]
-    read: Callable[[Path, str, str], PoseSet]
+    name: str  # of the data set
+    marks: tuple[str, ...]  # patterns of files, relative to the root, of which the layout has one
+    domains: Callable[[Path], dict[str, tuple[str, ...]]]  # of a root, with the splits that each has
+    read: Callable[
+        [Path, str, str], PoseSet
+    ]  # the images of (root, domain, split); files need not be checked
 
     def recognises(self, root: Path) -> bool:
         """Whether the folder has this layout."""

@@ -13,8 +13,6 @@ import torch
 from visaug_train.geometry import Keypoints, Pinhole, project_targets, rotation_matrix
 from visaug_train.render.spacecraft import SceneTensors, spacecraft
 
-# Rays at a time: few enough to stay in a processor's cache; a GPU wants many.
-CHUNK = {"cpu": 1 << 13, "cuda": 1 << 20}
 FAR = 1e9
 
 
@@ -74,7 +72,8 @@ class RayCaster:
                 torch.tensor(np.einsum("bij,bi->bj", turns, light * level[:, None]), dtype=torch.float32)
                 for light, level in ((views.sun, views.sun_level), (views.fill, views.fill_level))
             )  # vectors in each body's frame, whose length is the level
-            chunk = CHUNK[self.device.type]
+            # rays at a time: few enough to stay in a processor's cache; a GPU wants many
+            chunk = 1 << 13 if self.device.type == "cpu" else 1 << 20
             for first in range(0, len(directions), chunk):
                 part = slice(first, first + chunk)
                 owner = owners[part]

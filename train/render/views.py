@@ -9,9 +9,6 @@ from scipy.spatial.transform import Rotation
 from visaug_train.geometry import Pinhole
 from visaug_train.render.caster import Views
 
-# Nominal attitude: the camera looks at a corner of the body from below, so panel, body and antennas all show.
-NOMINAL = Rotation.from_euler("xyz", [-130.0, 25.0, 20.0], degrees=True)
-
 
 @dataclass(frozen=True)
 class Lighting:
@@ -52,7 +49,9 @@ def draw_views(
     pixels = camera.matrix[:2, 2] + rng.uniform(-1, 1, (count, 2)) * reach
     translations = camera.rays(pixels) * z[:, None]
     offsets = _turns(count, np.radians(attitude_deg), rng)
-    x, y, z_, w = (offsets * NOMINAL).as_quat().T
+    # The camera looks at a corner of the body from below, so panel, body and antennas all show.
+    nominal = Rotation.from_euler("xyz", [-130.0, 25.0, 20.0], degrees=True)
+    x, y, z_, w = (offsets * nominal).as_quat().T
     phase, azimuth = np.radians(rng.uniform(*lighting.phase_deg, count)), rng.uniform(0, 2 * np.pi, count)
     # at the phase angle from the direction target -> camera, which is -z of the camera's frame
     sun = np.stack([np.sin(phase) * np.cos(azimuth), np.sin(phase) * np.sin(azimuth), -np.cos(phase)], axis=1)

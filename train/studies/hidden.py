@@ -46,25 +46,15 @@ VERDICTS = ("does not clearly change", "raises", "lowers")  # by the sign of an 
 
 @dataclass(frozen=True)
 class HiddenEffect:
-    """One effect that a test camera has and its file leaves out.
+    """One effect that a test camera has and its file leaves out."""
 
-    Attributes:
-        domain: name of its test set.
-        effect: name and parameters, as in camera.yaml.
-        answer: the diagnosis as `visaug diagnose --json` has it.
-        found: name and parameters of the effects that the diagnosed camera has.
-        named: the arm that trains with the diagnosed camera; None where nothing was named.
-        known: the arm that knew the effect: the same one where the name was right.
-        wrong: the arm of another of the effects, the control; None where there is no other.
-    """
-
-    domain: str
-    effect: dict[str, Any]
-    answer: dict[str, Any]
-    found: list[dict[str, Any]]
-    named: str | None
-    known: str
-    wrong: str | None = None
+    domain: str  # name of its test set
+    effect: dict[str, Any]  # name and parameters, as in camera.yaml
+    answer: dict[str, Any]  # the diagnosis as `visaug diagnose --json` has it
+    found: list[dict[str, Any]]  # name and parameters of the effects that the diagnosed camera has
+    named: str | None  # the arm that trains with the diagnosed camera; None where nothing was named
+    known: str  # the arm that knew the effect: the same one where the name was right
+    wrong: str | None = None  # the arm of another of the effects, the control; None where there is no other
 
     @property
     def right(self) -> bool:
@@ -161,12 +151,8 @@ def kept_diagnosis(
 ) -> dict[str, Any]:
     """The answer of a diagnosis of frames, starting from the stated camera, and `found`, the camera that it gives; made once.
 
-    Args:
-        answer, found: the files.
-        stated: the camera's file.
-        frames: takes them.
-        spreads: what `randomize` of the camera that is found is to be; as it was where left out.
-        options: of `visaug.diagnose`.
+    `frames` takes the frames; `spreads` gives `randomize` of the camera that is found, which stays as it was where left out;
+    `options` are those of `visaug.diagnose`.
     """
     if not answer.is_file():
         diagnosis = visaug.diagnose(stated, frames(), **options)

@@ -37,23 +37,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TargetCamera:
-    """A camera that was made for arms.
+    """A camera that was made for arms."""
 
-    Attributes:
-        name: by which arms name it.
-        domain: whose pictures it took.
-        file: its camera.yaml.
-        pictures: of how many it was estimated; 0 for a true camera.
-        answer: the estimate as `visaug characterize --json` has it; None for a true camera.
-        files: these pictures.
-    """
-
-    name: str
-    domain: str
-    file: Path
-    pictures: int = 0
-    answer: dict[str, Any] | None = None
-    files: tuple[Path, ...] = ()
+    name: str  # by which arms name it
+    domain: str  # whose pictures it took
+    file: Path  # its camera.yaml
+    pictures: int = 0  # of how many it was estimated; 0 for a true camera
+    answer: dict[str, Any] | None = None  # the estimate as `visaug characterize --json` has it
+    files: tuple[Path, ...] = ()  # these pictures
 
 
 def transductive(study: "Study") -> dict[str, str]:
@@ -82,10 +73,7 @@ def make_cameras(
 ) -> tuple[Config, tuple[TargetCamera, ...]]:
     """The config with files in place of the names of its `cameras`, and the cameras; files that exist are kept.
 
-    `read` gives the pictures of a source.
-
-    Raises:
-        InputError: pictures that give no camera.
+    `read` gives the pictures of a source; those that give no camera are refused.
     """
     made: list[TargetCamera] = []
     total = len(config.cameras)
