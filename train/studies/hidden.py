@@ -9,6 +9,7 @@ of it lies in files and is made once.
 import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -96,11 +97,8 @@ def hide_effects(
     views, plain = tests[hidden.views], cameras[PLAIN]
     size = views.camera.size[::-1]
     if plain.resolution != size:
-        problem, expected = (
-            f"resolution is {list(plain.resolution)}",
-            f"{list(size)}, rows and columns of the views",
-        )
-        raise InputError(problem, file=vis.cameras[0], expected=expected)
+        expected = f"{list(size)}, rows and columns of the views"
+        raise InputError(f"resolution is {list(plain.resolution)}", file=vis.cameras[0], expected=expected)
     taken: dict[str, PoseSet] = {}
     arms, found = dict(config.arms), []
 
@@ -117,12 +115,10 @@ def hide_effects(
         taken[domain] = take_views(camera, views, folder, domain, hidden.light, progress)
         if domain == PLAIN:
             continue
-        told = progress and (lambda what, *rest, domain=domain: progress(f"{domain}: {what}", *rest))
         file, spreads = folder / "diagnosed.yaml", plain.to_dict().get("randomize", {})
-        frames = lambda camera=camera: simulate(camera, plan_of(plain), seed=SPECIMEN)  # noqa: E731
-        answer = kept_diagnosis(
-            folder / "diagnosis.json", file, plain, frames, lambda _, s=spreads: s, progress=told
-        )
+        take = partial(_frames_of, camera, plain)
+        told = progress and partial(_titled, progress, domain)
+        answer = kept_diagnosis(folder / "diagnosis.json", file, plain, take, spreads, progress=told)
         each = HiddenEffect(domain, hidden.effects[domain], answer, [], None, f"{domain}_known")
         named = ", ".join(answer["accepted"])
         why = f"the baseline's noise by the diagnosed camera: with {named}"
@@ -141,24 +137,33 @@ def hide_effects(
     return config.model_copy(update={"arms": arms}), {**tests, **taken}, found
 
 
+def _frames_of(camera: visaug.Camera, plain: visaug.Camera) -> FrameSet:
+    return simulate(camera, plan_of(plain), seed=SPECIMEN)
+
+
+def _titled(progress: Progress, title: str, what: str, done: int, total: int) -> None:
+    progress(f"{title}: {what}", done, total)
+
+
 def kept_diagnosis(
     answer: Path,
     found: Path,
     stated: visaug.Camera,
     frames: Callable[[], FrameSet],
-    spreads: Callable[[visaug.Camera], dict[str, Any]] | None = None,
+    spreads: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> dict[str, Any]:
     """The answer of a diagnosis of frames, starting from the stated camera, and `found`, the camera that it gives; made once.
 
-    `frames` takes the frames; `spreads` gives `randomize` of the camera that is found, which stays as it was where left out;
-    `options` are those of `visaug.diagnose`.
+    `frames` takes the frames; `spreads` is what `randomize` of the camera that is found is to be, for the numbers that it has,
+    and stays as it was where left out; `options` are those of `visaug.diagnose`.
     """
     if not answer.is_file():
         diagnosis = visaug.diagnose(stated, frames(), **options)
         camera = diagnosis.camera
         if spreads is not None:
-            camera = visaug.Camera.load(camera.to_dict() | {"randomize": spreads(camera)})
+            known = {path: spread for path, spread in spreads.items() if path in camera.values()}
+            camera = visaug.Camera.load(camera.to_dict() | {"randomize": known})
         camera.save(found)
         write_json(answer, diagnosis.to_json())  # last: where it stands, the camera does
     return read_json(answer)
