@@ -7,11 +7,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 
 from visaug.core.errors import InputError
 from visaug.core.wording import counted
 from visaug_train.config import Config, Start
+from visaug_train.datasets import keypoints_of
+from visaug_train.geometry import Keypoints
 from visaug_train.noise import batch_noise
 from visaug_train.quiet import check_tracking, quiet_ultralytics
 from visaug_train.speed import PoseSet
@@ -31,6 +34,23 @@ def check_apart(parts: dict[str, PoseSet], tests: dict[str, PoseSet]) -> None:
                 problem = f"{len(shared)} of its {len(test)} images also {does}"
                 expected = "other images, for instance a `share` of the split: [0.9, 1.0]"
                 raise InputError(problem, field=f"data.test.{name}", expected=expected)
+
+
+def check_target(source: str, keypoints: Keypoints, trained: PoseSet, poses: PoseSet) -> None:
+    """Refuse images of another spacecraft than the one whose points a network was trained to find.
+
+    Args:
+        source: the config's `keypoints`. A file's points are taken for any spacecraft.
+        keypoints: the points that the network finds.
+        trained, poses: the training images, and those that it is to be scored on.
+    """
+    if source != "tango" or (poses.keypoints is None and poses.spacecraft == trained.spacecraft):
+        return
+    own = keypoints_of(source, poses)
+    known = np.isfinite(own.points_m).all() and np.isfinite(keypoints.points_m).all()
+    if len(own) != len(keypoints) or (known and not np.allclose(own.points_m, keypoints.points_m)):
+        problem = f"shows {own.name}, whose points are not those of {keypoints.name}, which the network finds"
+        raise InputError(problem, field=poses.name, expected=f"images of {keypoints.name}")
 
 
 def check_arms(config: Config, announce: Say | None = None) -> None:

@@ -1,5 +1,6 @@
 """Readers of pose data, on small made data in the layouts as published; projections by OpenCV."""
 
+import dataclasses
 import json
 import tarfile
 from pathlib import Path
@@ -11,9 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from visaug.core.errors import InputError
 from visaug_train.archive import prepare_archive, prepare_dataset
+from visaug_train.checks import check_target
 from visaug_train.commands import evaluate_predictions
 from visaug_train.convert import convert
 from visaug_train.datasets import domains, keypoints_of, read_poses
+from visaug_train.geometry import Keypoints
 
 K = np.array([[300.0, 0, 80], [0, 310.0, 50], [0, 0, 1]])
 SIZE = (160, 100)
@@ -346,3 +349,102 @@ def test_the_reader_of_the_page_reads(tmp_path: Path, monkeypatch: pytest.Monkey
     picture(tmp_path / "images" / "a.png")
     assert domains(tmp_path) == {"mine": ("test",)}
     np.testing.assert_allclose(read_poses(tmp_path, "mine").translations, [shift])
+
+
+def make_shirt(root: Path) -> None:
+    """Two trajectories of six images whose names are the same."""
+    write(root / "camera.json", camera_json())
+    for number, trajectory in enumerate(("roe1", "roe2")):
+        names = [f"img{i:06d}.jpg" for i in range(3)]
+        truths = TRUTH[3 * number : 3 * number + 3]
+        write(root / trajectory / f"{trajectory}.json", [speed_record(n, *t) for n, t in zip(names, truths)])
+        for name in names:
+            picture(root / trajectory / "lightbox" / "images" / name)
+
+
+@pytest.mark.parametrize(
+    "form", ["{t}/lightbox/images/", "/data/roe2/shirt/{t}/lightbox/images/", "{t}_lightbox/"]
+)
+def test_a_trajectory_is_told_by_its_folders(tmp_path: Path, form: str) -> None:
+    """Exact points of both trajectories score 1 on each, and those of the other one alone are refused."""
+    root, tango = tmp_path / "shirt", Keypoints.load()
+    make_shirt(root)
+    records = {}
+    for number, trajectory in enumerate(("roe1", "roe2")):
+        points = [projected(tango.points_m, *t) for t in TRUTH[3 * number : 3 * number + 3]]
+        names = [f"{form.format(t=trajectory)}img{i:06d}.jpg" for i in range(3)]
+        records[trajectory] = [result(*each) for each in zip(names, points)]
+    write(tmp_path / "p.json", records["roe1"] + records["roe2"])
+    for domain in ("roe1_lightbox", "roe2_lightbox"):
+        scores = evaluate_predictions(tmp_path / "p.json", root, domain)[domain]
+        assert scores["attitude_error_deg"] < 0.01
+    write(tmp_path / "p.json", records["roe2"])
+    with pytest.raises(InputError, match="names no image of roe1_lightbox"):
+        evaluate_predictions(tmp_path / "p.json", root, "roe1_lightbox")
+
+
+def test_a_bop_split_is_told_by_its_folder(tmp_path: Path) -> None:
+    """`val_pbr` and `test` hold scenes and images of the same names; both are of other objects' poses."""
+    make_bop(tmp_path)
+    names = [f"000000/rgb/{n:06d}.png" for n in range(2)]
+    sets = {"val_pbr": TRUTH[4:6], "test": TRUTH[6:8], "train_pbr": TRUTH[:2]}
+    records = [
+        result(f"{folder}/{name}", projected(corners_m(), *pose))
+        for folder, poses in sets.items()
+        for name, pose in zip(names, poses)
+    ]
+    write(tmp_path / "p.json", records)
+    for domain, split in (("pbr", "validation"), ("bop", "test")):
+        scores = evaluate_predictions(tmp_path / "p.json", tmp_path, domain, split=split)[domain]
+        assert scores["attitude_error_deg"] < 0.01
+
+
+def test_each_set_has_the_points_of_its_own_object(tmp_path: Path) -> None:
+    """Object 1 has half the size of object 3: the box of its annotation is half as wide."""
+    make_bop(tmp_path / "data")
+    models = {"3": BOX_MM, "1": {key: value / 2 for key, value in BOX_MM.items()}}
+    write(tmp_path / "data/models/models_info.json", models)
+    file = tmp_path / "data/test/000000/scene_gt.json"
+    write(file, {key: [each[0] | {"obj_id": 1}] for key, each in json.loads(file.read_text()).items()})
+    prepare_dataset(tmp_path / "data", coco=True)
+    for name, object_id in (("bop-test", 1), ("pbr-train", 3)):
+        made = json.loads((tmp_path / f"data-coco/{name}.json").read_text())
+        assert made["categories"][0]["name"] == f"obj_{object_id:06d}"
+    half = projected(corners_m() / 2, *TRUTH[6])
+    made = json.loads((tmp_path / "data-coco/bop-test.json").read_text())["annotations"][0]
+    np.testing.assert_allclose(np.reshape(made["keypoints"], (-1, 3))[:, :2], half, atol=0.01)
+
+
+def test_a_network_is_not_scored_on_another_spacecraft(tmp_path: Path) -> None:
+    make_bop(tmp_path)
+    trained, other = read_poses(tmp_path, "pbr", "train"), read_poses(tmp_path, "bop")
+    points = keypoints_of("tango", trained)
+    check_target("tango", points, trained, other)
+    assert other.keypoints is not None
+    smaller = dataclasses.replace(other.keypoints, name="obj_000001", points_m=other.keypoints.points_m / 2)
+    with pytest.raises(InputError, match="shows obj_000001, whose points are not those of obj_000003"):
+        check_target("tango", points, trained, dataclasses.replace(other, keypoints=smaller))
+    with pytest.raises(InputError, match="shows obj_000003, whose points are not those of tango"):
+        check_target("tango", Keypoints.load(), dataclasses.replace(trained, spacecraft="tango"), other)
+    check_target("own.yaml", Keypoints.load(), trained, other)
+
+
+def test_copies_for_training_need_a_train_split(tmp_path: Path) -> None:
+    make_shirt(tmp_path / "shirt")
+    with pytest.raises(InputError, match=r"--size: .* has no labelled train split"):
+        prepare_dataset(tmp_path / "shirt", size="80x50")
+    for size in ("99999999x5", "5x0", "65536x5", "x", "9" * 5000 + "x5"):
+        with pytest.raises(InputError, match="is not a size"):
+            prepare_dataset(tmp_path / "shirt", size=size)
+
+
+def test_domains_that_are_not_converted_are_said(tmp_path: Path) -> None:
+    root = tmp_path / "spe3r"
+    write(root / "camera.json", camera_json())
+    write(root / "splits.csv", "aqua,train\nbqua,train\n")
+    for name in ("aqua", "bqua"):
+        write(root / name / "labels.json", [speed_record(f"img{n:06d}", *TRUTH[n % 8]) for n in (1, 401)])
+        for number in (1, 401):
+            picture(root / name / "images" / f"img{number:06d}.jpg")
+    said = prepare_dataset(root, size="80x50", keypoints=str(points_file(tmp_path)))
+    assert "note: --size converts the first domain with a train split, aqua; not bqua" in said
