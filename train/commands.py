@@ -7,6 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from visaug.camera import Camera
 from visaug.core.errors import InputError, PartlyFailed
 from visaug.core.files import folder_lock
@@ -170,6 +172,11 @@ def submission(
     if path is None:
         problem = f"{poses.name} has no labels, so there is nothing to score"
         raise InputError(problem, field="--poses", expected="the CSV to write for a submission")
+    if not np.isfinite(keypoints.points_m).all():
+        problem = (
+            f"{poses.name} does not say where on the spacecraft its points are, so no pose follows from them"
+        )
+        raise InputError(problem, field="keypoints", expected="a YAML file with points_m in metres")
     count = len(poses)
     missing = save_submission(path, poses, [pose_of(each, keypoints, poses) for each in detections])
     note = f"{missing} of {count} images have no pose of their own; they got the median position, unrotated"

@@ -178,7 +178,7 @@ def load_predictions(
             expected = "file_name, bbox, keypoints and score"
             raise InputError("is not an object", file=path, field=field, expected=expected)
         name, key = record.get("file_name"), record.get("image_id")
-        if name is None and files and key not in files:
+        if name is None and files and not (isinstance(key, int | float | str) and key in files):
             problem = f"{key!r} is no image of the annotations file"
             raise InputError(problem, file=path, field=f"{field}.image_id", expected=f"an id of {images}")
         if name is None:  # a name, as AlphaPose and ultralytics write it, or a number

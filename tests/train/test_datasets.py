@@ -14,7 +14,7 @@ from visaug.core.errors import InputError
 from visaug_train.archive import prepare_archive, prepare_dataset
 from visaug_train.checks import check_target
 from visaug_train.commands import evaluate_predictions
-from visaug_train.convert import convert
+from visaug_train.convert import convert, label_lines
 from visaug_train.datasets import domains, keypoints_of, read_poses
 from visaug_train.geometry import Keypoints
 
@@ -448,3 +448,88 @@ def test_domains_that_are_not_converted_are_said(tmp_path: Path) -> None:
             picture(root / name / "images" / f"img{number:06d}.jpg")
     said = prepare_dataset(root, size="80x50", keypoints=str(points_file(tmp_path)))
     assert "note: --size converts the first domain with a train split, aqua; not bqua" in said
+
+
+def changed(file: Path, part: str, **values: object) -> None:
+    """Changes the first entry of a part of a COCO file."""
+    content = json.loads(file.read_text())
+    content[part][0] |= values
+    write(file, content)
+
+
+def test_coco_annotations_are_cut_at_the_border(tmp_path: Path) -> None:
+    """A point and a box outside give labels that ultralytics takes: shares from 0 to 1, no visibility outside."""
+    make_coco(tmp_path, "images")
+    points = [[165, 30, 1], [60, 30, 2], [60, 70, 2], [20, -3, 2]]
+    changed(
+        tmp_path / "annotations/train.json",
+        "annotations",
+        bbox=[20, -3, 145, 73],
+        keypoints=np.ravel(points).tolist(),
+    )
+    poses = read_poses(tmp_path, "coco", "train")
+    line, *_ = label_lines(poses, keypoints_of("tango", poses))
+    numbers = np.array(line.split(), float)
+    np.testing.assert_allclose(numbers[1:5], [90 / 160, 35 / 100, 140 / 160, 70 / 100], atol=1e-6)
+    assert numbers[5:].reshape(4, 3)[:, 2].tolist() == [0, 2, 2, 0]
+    assert (numbers >= 0).all()
+    assert (numbers[1:] <= 2).all()
+
+
+def test_coco_without_annotations_has_no_labels(tmp_path: Path) -> None:
+    make_coco(tmp_path, "images")
+    file = tmp_path / "annotations/val.json"
+    write(file, json.loads(file.read_text()) | {"annotations": []})
+    with pytest.raises(InputError, match="no labels"):
+        read_poses(tmp_path, "coco", "validation")
+    write(tmp_path / "p.txt", [result("val_0.jpg", np.array([[2, 3], [40, 3], [40, 30], [2, 30.0]]))])
+    for more, message in (({}, "nothing to score"), ({"poses_csv": tmp_path / "s.csv"}, "no pose follows")):
+        with pytest.raises(InputError, match=message):
+            evaluate_predictions(tmp_path / "p.txt", tmp_path, "coco", split="validation", **more)
+
+
+@pytest.mark.parametrize(
+    ("part", "values", "message"),
+    [
+        ("annotations", {"bbox": [1, 1, -5, 4]}, "annotations.0.bbox: a width or height is negative"),
+        ("annotations", {"image_id": [10]}, "annotations.0.image_id: names no image"),
+        ("images", {"id": [10]}, "images.0: is malformed"),
+        ("categories", {"flip_idx": [1, "a", 0, 2]}, "flip_idx: is no order"),
+        ("categories", {"flip_idx": [1, 0, 2, True]}, "flip_idx: is no order"),
+    ],
+)
+def test_malformed_coco_is_one_line(tmp_path: Path, part: str, values: dict, message: str) -> None:
+    make_coco(tmp_path, "images")
+    changed(tmp_path / "annotations/train.json", part, **values)
+    with pytest.raises(InputError, match=message):
+        read_poses(tmp_path, "coco", "train")
+
+
+@pytest.mark.parametrize("key", ["a", "-1", "\u00b2", "1.5"])
+def test_a_bop_key_that_is_no_number_is_one_line(tmp_path: Path, key: str) -> None:
+    make_bop(tmp_path)
+    file = tmp_path / "test/000000/scene_camera.json"
+    write(file, {key: json.loads(file.read_text())["0"]})
+    with pytest.raises(InputError, match="is no image's number"):
+        read_poses(tmp_path, "bop")
+
+
+@pytest.mark.parametrize("number", [[1], None, "x", 1.5, {}])
+def test_a_bop_object_that_is_no_number_is_one_line(tmp_path: Path, number: object) -> None:
+    make_bop(tmp_path)
+    file = tmp_path / "test/000000/scene_gt.json"
+    write(file, {key: [each[0] | {"obj_id": number}] for key, each in json.loads(file.read_text()).items()})
+    with pytest.raises(InputError, match=r"0\.obj_id: is no object's number"):
+        read_poses(tmp_path, "bop")
+
+
+def test_malformed_spe3r_is_one_line(tmp_path: Path) -> None:
+    write(tmp_path / "camera.json", camera_json())
+    write(tmp_path / "splits.csv", "aqua,train\n")
+    write(tmp_path / "aqua/labels.json", [speed_record("frame_a", *TRUTH[0])])
+    picture(tmp_path / "aqua/images/frame_a.jpg")
+    with pytest.raises(InputError, match=r"frame_a\.jpg has no number"):
+        read_poses(tmp_path, "aqua", "train")
+    (tmp_path / "splits.csv").write_bytes(b"aqu\xe9,train\n")
+    with pytest.raises(InputError, match=r"splits\.csv: is no CSV text"):
+        domains(tmp_path)

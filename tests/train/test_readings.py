@@ -144,6 +144,7 @@ def test_keypoints_of_ones_own_with_their_sigmas(rendered, tmp_path):
         ({"sigmas": {"nose": 0.1}}, "sigmas: expected 5"),
         ({"flip_pairs": [["left", "wing"]]}, "is no pair of points"),
         ({"flip_pairs": [[0, 1], [1, 2]]}, "is no pair of points"),
+        ({"sigma": [0.1] * 5}, "sigma: is not a key of keypoints"),
     ],
 )
 def test_a_keypoint_file_is_checked(tmp_path, more, message):
