@@ -1,6 +1,6 @@
 """Changes of the training images by an arm of a study, as configured."""
 
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -31,7 +31,7 @@ class Vis(ConfigSection):
             read noise.
     """
 
-    camera: str | Annotated[list[str], Field(min_length=1)]
+    camera: str | list[str]
     p: Share = 1.0
     resolution: Literal["network", "sensor"] = "network"
     fixed_pattern: Literal["image", "camera"] = "image"
@@ -49,6 +49,13 @@ class Vis(ConfigSection):
     def cameras(self) -> list[str]:
         """The population's files or names."""
         return [self.camera] if isinstance(self.camera, str) else self.camera
+
+    @field_validator("camera")
+    @classmethod
+    def _some_camera(cls, camera: str | list[str]) -> str | list[str]:
+        if not camera:
+            raise ValueError("is empty; expected a camera's file or shipped name, or a list of these")
+        return camera
 
     @field_validator("effects")
     @classmethod

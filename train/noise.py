@@ -146,7 +146,7 @@ class RandomEffects(nn.Module):
         return noisy
 
     def _take(self, case: tuple[int, ...], images: Tensor) -> Tensor:
-        noise, sensor = self._noise(case), self.sensors[case[0]]
+        noise, sensor = self._noise(case), self._noise((case[0], *[1] * len(self.effects)))
         noise.transfer, noise.mono = sensor.transfer, sensor.mono
         draws = noise.draw(len(images))
         for effect, acts in zip(self.effects, case[1:]):

@@ -62,8 +62,8 @@ class ImageNames:
         for name, files in {**(elsewhere or {}), poses.name: poses.files}.items():
             self.words[name] = {name.split("/")[0]}
             for file in files:
-                inside = root is not None and file.is_relative_to(root)
-                self.words[name].update((file.relative_to(root) if inside else file).parent.parts)
+                below = file if root is None or not file.is_relative_to(root) else file.relative_to(root)
+                self.words[name].update(below.parent.parts)
                 for key in (file.name, file.stem):
                     self.holders.setdefault(key, set()).add(name)
 
@@ -112,8 +112,7 @@ class ImageNames:
         """Say how many names were passed over that are of this domain, but of none of the images that are scored."""
         if count := self.passed[self.poses.domain]:
             say(
-                f"{count} of the names are of other images of {self.poses.domain} than those of {self.poses.name}, and "
-                "were passed over"
+                f"names of other images of {self.poses.domain} than those of {self.poses.name} were passed over: {count}"
             )
 
     def none_found(self, file: Path) -> InputError:

@@ -82,7 +82,7 @@ class PoseSet:
                 raise InputError(problem, field="keypoints", expected="the model of the annotations")
             boxes = np.full((len(self), 4), np.nan) if self.boxes is None else self.boxes
             boxes, points = self._cut(np.nan_to_num(boxes)), self.points[..., :2]
-            seen = ((boxes[:, 2:] - boxes[:, :2]) >= 1.0).all(axis=1)
+            seen = np.asarray(((boxes[:, 2:] - boxes[:, :2]) >= 1.0).all(axis=1))
             within = ((points >= 0) & (points <= np.array(self.camera.size))).all(axis=2)
             return Targets(boxes, points, within & (self.points[..., 2] > 0) & seen[:, None], seen)
         targets = project_targets(self.camera, keypoints, self.quaternions, self.translations)

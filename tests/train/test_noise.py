@@ -150,5 +150,5 @@ def test_an_effect_stands_once_and_a_population_has_a_camera():
     with pytest.raises(ValueError, match="row_noise is listed twice"):
         Vis(camera="sony_imx174", effects=twice)
     for part in (Vis, White):
-        with pytest.raises(ValueError, match="at least 1"):
+        with pytest.raises(ValueError, match="is empty; expected a camera"):
             part(camera=[])

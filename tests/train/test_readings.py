@@ -316,4 +316,4 @@ def test_names_of_another_part_of_the_domain_are_counted(rendered, tmp_path):
     other = set(own.ids) - set(read_poses(root, "speed", "test", seed=0).ids)
     assert other
     notes = evaluate_predictions(tmp_path / "p.json", root, "speed")["speed"]["notes"]
-    assert f"{len(other)} of the names are of other images of speed than those of speed/test" in notes[0]
+    assert f"other images of speed than those of speed/test were passed over: {len(other)}" in notes[0]
