@@ -20,6 +20,8 @@ from typing import IO
 from visaug.core.errors import InputError
 from visaug.core.files import whole_file, write_json
 from visaug.core.progress import Progress
+from visaug_train.checks import check_target
+from visaug_train.config import LARGEST_SIDE
 from visaug_train.convert import coco_annotations, convert
 from visaug_train.datasets import READERS, domains, keypoints_of, read_poses, reader_of
 from visaug_train.speed import PoseSet
@@ -153,10 +155,13 @@ def prepare_dataset(
     root = prepare_archive(archive, output, progress)
     output = Path(os.path.abspath(root if output is None else output))
     sets = check(root)
+    if width_height is not None:
+        _trained(sets, root)
     said = [f"{name}: {len(p)} images{'' if p.labelled else ', no labels'}" for name, p in sets.items()]
     labelled = {name: poses for name, poses in sets.items() if poses.labelled}
+    models = {}
     if coco or width_height is not None:
-        model = keypoints_of(keypoints, next(iter(labelled.values())))
+        models = {name: keypoints_of(keypoints, poses) for name, poses in labelled.items()}
     if len(labelled) < len(sets) and reader_of(root) is None:
         bare = ", ".join(name for name in sets if name not in labelled)
         said.append(
@@ -167,24 +172,49 @@ def prepare_dataset(
         folder = output.with_name(f"{output.name}-coco")
         for name, poses in labelled.items():
             files = [file.relative_to(root).as_posix() for file in poses.files]
-            write_json(folder / f"{name.replace('/', '-')}.json", coco_annotations(poses, model, files))  # pyrefly: ignore[unbound-name]
+            write_json(
+                folder / f"{name.replace('/', '-')}.json", coco_annotations(poses, models[name], files)
+            )
         said.append(f"COCO annotations: {folder}")
     if width_height is not None:
-        first, splits = next((d, s) for d, s in domains(root).items() if "train" in s)
-        names = {"train": "train", "validation": "val", "test": "test"}
-        parts = {names[split]: labelled[f"{first}/{split}"] for split in splits}
+        first, *more = _trained(sets, root)
+        parts, model = _parts(labelled, first), models[f"{first}/train"]
+        for poses in parts.values():
+            check_target(keypoints, model, parts["train"], poses)
         place = output.with_name(f"{output.name}-{width_height[0]}x{width_height[1]}")
-        said.append(f"labels: {convert(parts, model, place, width_height, progress)}")  # pyrefly: ignore[unbound-name]
+        data_yaml = convert(parts, model, place, width_height, progress)
+        said.append(f"labels: {data_yaml}")
+        if more:
+            said.append(
+                f"note: --size converts the first domain with a train split, {first}; not {', '.join(more)}"
+            )
     return "\n".join([*said, f"ready: {root}"])
+
+
+def _trained(sets: dict[str, PoseSet], root: Path) -> list[str]:
+    """The domains that have labelled images for training; one at least."""
+    found = [name.split("/")[0] for name, poses in sets.items() if name.endswith("/train") and poses.labelled]
+    if not found:
+        problem = f"{root} has no labelled train split, for whose training the copies are"
+        raise InputError(problem, field="--size", expected="a data set to train with, or no --size")
+    return found
+
+
+def _parts(labelled: dict[str, PoseSet], domain: str) -> dict[str, PoseSet]:
+    """The splits of a domain under the names that ultralytics has for them."""
+    words = {"train": "train", "validation": "val", "test": "test"}
+    return {words[n.split("/")[1]]: poses for n, poses in labelled.items() if n.split("/")[0] == domain}
 
 
 def _size(text: str | None) -> tuple[int, int] | None:
     if text is None:
         return None
     width, _, height = text.partition("x")
-    if not (width.isdigit() and height.isdigit() and int(width) > 0 and int(height) > 0):
-        raise InputError(f"{text!r} is not a size", field="--size", expected="WIDTHxHEIGHT such as 640x400")
-    return int(width), int(height)
+    sides = [int(side) if side.isdecimal() and len(side) < 9 else 0 for side in (width, height)]
+    if not all(0 < side <= LARGEST_SIDE for side in sides):
+        expected = f"WIDTHxHEIGHT such as 640x400, at most {LARGEST_SIDE}"
+        raise InputError(f"{text!r} is not a size", field="--size", expected=expected)
+    return sides[0], sides[1]
 
 
 def _members(archive: Path) -> Iterator[tuple[str, int, int, Callable[[], IO[bytes]]]]:

@@ -2,7 +2,7 @@
 
 from typing import Any, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from visaug_train.batch_noise import (
     BrightnessContrast,
@@ -50,26 +50,49 @@ class Vis(ConfigSection):
         """The population's files or names."""
         return [self.camera] if isinstance(self.camera, str) else self.camera
 
+    @field_validator("camera")
+    @classmethod
+    def _some_camera(cls, camera: str | list[str]) -> str | list[str]:
+        if not camera:
+            raise ValueError("is empty; expected a camera's file or shipped name, or a list of these")
+        return camera
+
     @field_validator("effects")
     @classmethod
     def _effects_have_names(cls, effects: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        names = [entry.get("name") for entry in effects]
         for number, entry in enumerate(effects):
             if not isinstance(entry.get("name"), str):
                 raise ValueError(f"entry {number} has no name; expected {{name: row_noise, sigma_e: 2}}")
             p = entry.get("p", 1.0)
             if isinstance(p, bool) or not isinstance(p, int | float) or not 0 <= p <= 1:
                 raise ValueError(f"{entry['name']}.p: expected a share in [0, 1], got {p!r}")
+            if names.count(entry["name"]) > 1:
+                raise ValueError(f"{entry['name']} is listed twice; expected each effect once")
         return effects
 
 
 class White(Vis):
     """White Gaussian noise of a camera's variance.
 
-    `variance: eq6` is the paper's eq. 6 at the image's mean level. `sensor` is the variance, image by image, of the
+    `variance: eq6` is the paper's eq. 6 at the image's mean level, of a camera whose values `set` can change; the other keys
+    of `vis` have no part in it and are refused. `sensor` is the variance, image by image, of the
     sensor noise that a `vis` with these keys would add: the two arms then differ in the noise's structure alone.
     """
 
     variance: Literal["eq6", "sensor"] = "eq6"
+
+    @model_validator(mode="after")
+    def _eq_6_takes_values_alone(self) -> "White":
+        if self.variance == "eq6":
+            taken = {"variance", "camera", "p", "set", "white_std_present"}
+            for key in self.model_fields_set - taken:
+                if getattr(self, key) != type(self).model_fields[key].default:
+                    raise ValueError(
+                        f"{key} has no part in eq. 6; expected `variance: sensor`, or values of the camera by `set`, such as "
+                        "`set: {gain_db: 30}`"
+                    )
+        return self
 
 
 class Arm(ConfigSection):

@@ -7,11 +7,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 
 from visaug.core.errors import InputError
 from visaug.core.wording import counted
-from visaug_train.config import Config, Start
+from visaug_train.config import LARGEST_SIDE, Config, Start
+from visaug_train.datasets import keypoints_of
+from visaug_train.geometry import Keypoints
 from visaug_train.noise import batch_noise
 from visaug_train.quiet import check_tracking, quiet_ultralytics
 from visaug_train.speed import PoseSet
@@ -19,6 +22,18 @@ from visaug_train.studies.hidden import hidden_cameras
 from visaug_train.studies.target import check_cameras
 
 Say = Callable[[str], None]
+A_NETWORK = "a pose network, such as yolov8n-pose.yaml"
+OPTIMIZERS = (
+    "auto",
+    "Adam",
+    "Adamax",
+    "AdamW",
+    "NAdam",
+    "RAdam",
+    "RMSprop",
+    "SGD",
+    "MuSGD",
+)  # of ultralytics
 
 
 def check_apart(parts: dict[str, PoseSet], tests: dict[str, PoseSet]) -> None:
@@ -33,6 +48,23 @@ def check_apart(parts: dict[str, PoseSet], tests: dict[str, PoseSet]) -> None:
                 raise InputError(problem, field=f"data.test.{name}", expected=expected)
 
 
+def check_target(source: str, keypoints: Keypoints, trained: PoseSet, poses: PoseSet) -> None:
+    """Refuse images of another spacecraft than the one whose points a network was trained to find.
+
+    Args:
+        source: the config's `keypoints`. A file's points are taken for any spacecraft.
+        keypoints: the points that the network finds.
+        trained, poses: the training images, and those that it is to be scored on.
+    """
+    if source != "tango" or (poses.keypoints is None and poses.spacecraft == trained.spacecraft):
+        return
+    own = keypoints_of(source, poses)
+    known = np.isfinite(own.points_m).all() and np.isfinite(keypoints.points_m).all()
+    if len(own) != len(keypoints) or (known and not np.allclose(own.points_m, keypoints.points_m)):
+        problem = f"shows {own.name}, whose points are not those of {keypoints.name}, which the network finds"
+        raise InputError(problem, field=poses.name, expected=f"images of {keypoints.name}")
+
+
 def check_arms(config: Config, announce: Say | None = None) -> None:
     """Refuse, before any training, what could not be trained; `announce` gets a line for what this device does differently.
 
@@ -44,15 +76,8 @@ def check_arms(config: Config, announce: Say | None = None) -> None:
     check_tracking(config.tracking)
     quiet_ultralytics(config.output / "ultralytics-settings")
     from ultralytics.cfg import get_cfg
-    from ultralytics.nn.tasks import yaml_model_load
 
-    if not (config.model.endswith(".pt") and Path(config.model).is_file()):
-        try:
-            yaml_model_load(config.model)
-        except (OSError, AssertionError):  # the latter for another suffix
-            expected = "a YAML such as yolov8n-pose.yaml, or the file of trained weights (NAME.pt)"
-            problem = f"no such network: {config.model}"
-            raise InputError(problem, field="model", expected=expected) from None
+    check_network(config.model)
     if config.start and config.start.weights:
         start_weights(config.start)
     given = {"start": {**config.training, **config.start.training}} if config.start else {}
@@ -67,8 +92,46 @@ def check_arms(config: Config, announce: Say | None = None) -> None:
         except (SyntaxError, TypeError, ValueError) as error:  # how ultralytics refuses an argument
             plain = re.sub(r"\x1b\[[0-9;]*m", "", str(error)).strip().split("\n")[0]
             raise InputError(f"{name}: {plain}", field="training") from None
+        side, optimizer = arguments.get("imgsz", 640), str(arguments.get("optimizer", "auto"))
+        if isinstance(side, bool) or not isinstance(side, int) or not 0 < side <= LARGEST_SIDE:
+            problem, expected = f"{name}: is {side!r}", f"a whole number of pixels up to {LARGEST_SIDE}"
+            raise InputError(problem, field="training.imgsz", expected=expected)
+        if optimizer.lower() not in map(str.lower, OPTIMIZERS):
+            problem, expected = f"{name}: {optimizer} is not an optimizer", ", ".join(OPTIMIZERS)
+            raise InputError(problem, field="training.optimizer", expected=f"one of {expected}")
     if config.cluster is None or config.cluster.address is None:  # else the nodes decide
         check_device(list(given.values()), announce)
+
+
+def check_network(model: str) -> None:
+    """Refuse what ultralytics makes no pose network of.
+
+    Raises:
+        InputError: no such file, one that cannot be read as a network, or a network of another task.
+    """
+    from ultralytics import YOLO
+    from ultralytics.nn.tasks import yaml_model_load
+
+    if not (model.endswith(".pt") and Path(model).is_file()):
+        try:
+            yaml_model_load(model)
+        except (OSError, AssertionError):  # the latter for another suffix
+            expected = "a YAML such as yolov8n-pose.yaml, or the file of trained weights (NAME.pt)"
+            problem = f"no such network: {model}"
+            raise InputError(problem, field="model", expected=expected) from None
+        except Exception:
+            raise InputError(f"{model} is no network", field="model", expected=A_NETWORK) from None
+    try:
+        with torch.random.fork_rng(devices=[]):
+            network: Any = YOLO(model, task="pose", verbose=False).model
+        head = type(network.model[-1]).__name__
+        has_points = hasattr(network.model[-1], "kpt_shape")
+    except Exception as error:  # of ultralytics' parser and of torch: of any type
+        plain = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        problem = f"no network can be built of {model} ({plain})"
+        raise InputError(problem, field="model", expected=A_NETWORK) from None
+    if not has_points:
+        raise InputError(f"{model} has the head {head}", field="model", expected=A_NETWORK)
 
 
 def start_weights(start: Start) -> bytes:

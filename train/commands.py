@@ -7,12 +7,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from visaug.camera import Camera
 from visaug.core.errors import InputError, PartlyFailed
 from visaug.core.files import folder_lock
 from visaug.core.progress import Progress
-from visaug_train.checks import check_arms
+from visaug_train.checks import check_arms, check_target
 from visaug_train.config import Config, load_config
+from visaug_train.convert import identity
 from visaug_train.datasets import keypoints_of, read_poses
 from visaug_train.evaluate import evaluate as score
 from visaug_train.evaluate import evaluate_poses, pose_of
@@ -79,23 +82,30 @@ def evaluate(
 
     Args:
         config_path, seed, arm: which network.
-        elsewhere: folder, domain and split of another set than the config's test sets.
+        elsewhere: folder, domain and split of another set than the config's test sets; the config's `split_seed` splits
+            it too.
         poses_csv: where to write the poses of that set.
 
     Raises:
         InputError: it is not trained; nothing is rendered or written then.
     """
     study, run = _trained(config_path, seed, progress, arm)
+    own = study.tests
     if elsewhere is not None:
-        poses = read_poses(*elsewhere, labels=False)
+        poses = read_poses(*elsewhere, seed=study.config.data.split_seed, labels=False)
+        check_target(study.config.data.keypoints, study.keypoints, study.training_images, poses)
         if not poses.labelled:
             detections = predictions_of(study, run, poses.domain, poses, progress)
             return {poses.domain: submission(poses, study.keypoints, detections, poses_csv)}
         study = replace(study, tests={poses.domain: poses})
     evaluations, folder = evaluate_run(study, run, progress), run.folder
     for domain, evaluation in evaluations.items():
-        evaluation.write_csv(folder / f"{domain}.csv")
-        save_poses(folder / f"{domain}-poses.csv", evaluation.poses, evaluation.found)
+        name = domain
+        if domain in own and (found := identity(evaluation.poses)) != identity(own[domain]):
+            # the name is that of a test set of the config, whose files stay
+            name += "-" + hashlib.sha256(str(found).encode()).hexdigest()[:8]
+        evaluation.write_csv(folder / f"{name}.csv")
+        save_poses(folder / f"{name}-poses.csv", evaluation.poses, evaluation.found)
         if poses_csv is not None:
             save_poses(poses_csv, evaluation.poses, evaluation.found)
     weights = study.config.weights
@@ -115,6 +125,7 @@ def evaluate_predictions(
     split: str | None = None,
     images: str | Path | None = None,
     poses_csv: str | Path | None = None,
+    seed: int = 0,
 ) -> dict[str, Any]:
     """Scores of any network's predictions on a domain of a data set: {domain: summary}.
 
@@ -126,20 +137,24 @@ def evaluate_predictions(
         images: COCO's annotations file, for records with `image_id`.
         poses_csv: where to write the poses that the keypoints give. Of images without labels that is all there is to do:
             every image gets a line, as a submission to Kelvins needs it.
+        seed: that by which SPEED's one list was split, as a config's `split_seed`.
 
     Returns:
         The summary, with `notes`: what was recognised in the predictions, and what their score leaves out.
     """
-    poses = read_poses(data, domain, split, labels=False)
+    poses = read_poses(data, domain, split, seed, labels=False)
     points = keypoints_of(keypoints, poses)
-    names = ImageNames(poses, names_elsewhere(data, poses))
+    names = ImageNames(poses, names_elsewhere(data, poses), data)
     notes: list[str] = []
     if Path(predictions).suffix.lower() == ".csv":
         evaluation = evaluate_poses(poses, points, load_poses(predictions, poses, names, notes.append))
+        names.note(notes.append)
     else:
-        detections = load_predictions(predictions, poses, len(points), images, names)
+        detections = load_predictions(predictions, poses, len(points), images, names, notes.append)
+        names.note(notes.append)
         if not poses.labelled:
-            return {domain: submission(poses, points, detections, poses_csv)}
+            said = submission(poses, points, detections, poses_csv)
+            return {domain: said | {"notes": [*notes, *said["notes"]]}}
         targets = poses.targets(points)
         detections = point_readings(detections, targets, poses.camera.size, notes.append)
         evaluation = score(domain, poses, points, detections)
@@ -157,6 +172,11 @@ def submission(
     if path is None:
         problem = f"{poses.name} has no labels, so there is nothing to score"
         raise InputError(problem, field="--poses", expected="the CSV to write for a submission")
+    if not np.isfinite(keypoints.points_m).all():
+        problem = (
+            f"{poses.name} does not say where on the spacecraft its points are, so no pose follows from them"
+        )
+        raise InputError(problem, field="keypoints", expected="a YAML file with points_m in metres")
     count = len(poses)
     missing = save_submission(path, poses, [pose_of(each, keypoints, poses) for each in detections])
     note = f"{missing} of {count} images have no pose of their own; they got the median position, unrotated"
@@ -175,7 +195,10 @@ def severity_curves(
 ) -> str:
     """Robustness curves of an arm of a config on a set, `elsewhere` or else the config's first test set; what to print."""
     study, run = _trained(config_path, seed, progress, arm)
-    poses = next(iter(study.tests.values())) if elsewhere is None else read_poses(*elsewhere)
+    poses = next(iter(study.tests.values()))
+    if elsewhere is not None:
+        poses = read_poses(*elsewhere, seed=study.config.data.split_seed)
+        check_target(study.config.data.keypoints, study.keypoints, study.training_images, poses)
     network = hashlib.sha256(run.weights.read_bytes()).hexdigest()
     predict, measured = predictor(study, run, run.weights), Camera.load(camera)
     severity(poses, study.keypoints, predict, measured, output, axes or None, network, seed, progress)

@@ -16,7 +16,8 @@ from visaug_train.sections import ConfigSection, Seed, SharePair
 
 # Arms, domains and splits name files: a letter or digit, then no more than what every file system takes.
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.+-]{0,63}$")]
-Side = Annotated[int, Field(ge=1, le=65535)]  # of an image, pixels
+LARGEST_SIDE = 65535  # of an image, pixels
+Side = Annotated[int, Field(ge=1, le=LARGEST_SIDE)]
 
 
 class Source(ConfigSection):

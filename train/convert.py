@@ -72,6 +72,8 @@ def convert(
     stamp = unfinished / "conversion.json"
     if unfinished.exists() and not (stamp.is_file() and read_json(stamp) == described):
         shutil.rmtree(unfinished)
+    for name, poses in parts.items():
+        _check_names(name, poses)
     write_json(stamp, described)
     total, done = sum(map(len, parts.values())), 0
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
@@ -92,6 +94,19 @@ def convert(
         raise InputError("exists and is no converted dataset", file=destination, expected="a new folder")
     unfinished.rename(destination)
     return data_yaml
+
+
+def _check_names(part: str, poses: PoseSet) -> None:
+    """Refuse images whose copies would have one name; ultralytics finds a label by that name without its suffix."""
+    first: dict[str, Path] = {}
+    for file, name in zip(poses.files, poses.ids):
+        other = first.setdefault(Path(name.replace("/", "-")).stem, file)
+        if other is not file:
+            problem, expected = (
+                f"would have the label of {other} in {part}",
+                "names that differ before the suffix",
+            )
+            raise InputError(problem, file=file, expected=expected)
 
 
 def label_lines(poses: PoseSet, keypoints: Keypoints) -> list[str]:

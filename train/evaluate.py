@@ -53,7 +53,10 @@ class Evaluation:
     found: list[Pose | None] = field(default_factory=list)
 
     def summary(self, weights: np.ndarray | None = None) -> dict[str, Any]:
-        """The scores of the domain; `weights` (N) are how often each image counts."""
+        """The scores of the domain; `weights` (N) are how often each image counts.
+
+        What nothing determines is None, as the errors of a set in which no image shows the target.
+        """
         weights = np.ones(len(self.poses)) if weights is None else weights
 
         def mean(column: str) -> float | None:
@@ -61,14 +64,15 @@ class Evaluation:
                 return None
             value = self.table[column]
             known = np.isfinite(value)
-            return float((weights * np.where(known, value, 0)).sum() / max((weights * known).sum(), 1e-12))
+            total = float((weights * known).sum())
+            return float((weights * np.where(known, value, 0)).sum() / total) if total > 0 else None
 
         def precision(name: str) -> float | None:
-            return self.precision[name].average(weights) if name in self.precision else None
+            return _known(self.precision[name].average(weights)) if name in self.precision else None
 
         errors = {name: mean(name) for name in (*ERRORS, *SPEC_SCORES)}
         known = [name for name in ERRORS if name in self.table]
-        errors |= {f"{name}_median": weighted_median(self.table[name], weights) for name in known}
+        errors |= {f"{name}_median": _known(weighted_median(self.table[name], weights)) for name in known}
         answered = self.found and self.table["pose_found"].any()
         return {
             "images": len(self.poses),
@@ -90,6 +94,10 @@ class Evaluation:
     def worst_first(self) -> np.ndarray:
         """Indices of the images from the lowest OKS (the paper's) to the highest; ties by IoU."""
         return np.lexsort([self.table["iou"], self.table["oks_paper"]])
+
+
+def _known(value: float) -> float | None:
+    return None if np.isnan(value) else value
 
 
 def weighted_median(values: np.ndarray, weights: np.ndarray) -> float:

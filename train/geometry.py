@@ -13,6 +13,7 @@ import numpy as np
 
 from visaug.core.documents import read_json, read_yaml
 from visaug.core.errors import InputError
+from visaug.core.nearest import did_you_mean
 
 TANGO = Path(__file__).with_name("tango.yaml")
 
@@ -129,6 +130,10 @@ class Keypoints:
         """
         path = TANGO if str(source) == "tango" else Path(source)
         content = read_yaml(path, "`tango`, or YAML with points_m: {name: [x, y, z]}")
+        known = {"name", "points_m", "sigmas", "flip_pairs"}
+        if isinstance(content, dict) and (more := [str(key) for key in content if key not in known]):
+            problem = f"is not a key of keypoints{did_you_mean(more[0], known)}"
+            raise InputError(problem, file=path, field=more[0], expected=", ".join(sorted(known)))
         points = content.get("points_m") if isinstance(content, dict) else None
         if isinstance(points, list):
             points = {f"point_{i + 1}": point for i, point in enumerate(points)}

@@ -128,8 +128,9 @@ class RandomEffects(nn.Module):
         super().__init__()
         self.cameras, self.effects, self.p, self.options = cameras, effects, p, options
         self._noises: dict[tuple[int, ...], SensorNoise] = {}
-        for number in range(len(cameras)):  # with all effects: a name or a value at fault is refused at once
-            self._noise((number, *[1] * len(effects)))
+        # with all effects: a name or a value at fault is refused at once; these are the modules by which a training decides
+        # on transfer function and channels
+        self.sensors = nn.ModuleList(self._noise((n, *[1] * len(effects))) for n in range(len(cameras)))
 
     def forward(self, images: Tensor) -> Tensor:
         count = len(images)
@@ -145,7 +146,8 @@ class RandomEffects(nn.Module):
         return noisy
 
     def _take(self, case: tuple[int, ...], images: Tensor) -> Tensor:
-        noise = self._noise(case)
+        noise, sensor = self._noise(case), self._noise((case[0], *[1] * len(self.effects)))
+        noise.transfer, noise.mono = sensor.transfer, sensor.mono
         draws = noise.draw(len(images))
         for effect, acts in zip(self.effects, case[1:]):
             for key, value in effect.items():

@@ -18,11 +18,11 @@ from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug.core.files import write_json, write_text
 from visaug.core.progress import Progress
-from visaug_train.datasets import names_of
+from visaug_train.datasets import files_of
 from visaug_train.geometry import numbers_in
 from visaug_train.metrics import Detections
 from visaug_train.quiet import quiet_ultralytics
-from visaug_train.readings import Say, pose_readings, which_block
+from visaug_train.readings import Say, pose_readings, starts_over, which_block
 from visaug_train.reduction import fitting, read_image, reduced
 from visaug_train.speed import PoseSet
 
@@ -35,22 +35,37 @@ class ImageNames:
 
     Args:
         poses: the set.
-        elsewhere: names of the images of the folder's other domains and splits, by domain/split. A file of predictions
+        elsewhere: files of the images of the folder's other domains and splits, by domain/split. A file of predictions
             may hold these too.
+        root: the folder, below which the folders of a file tell a set from the others.
     """
 
-    def __init__(self, poses: PoseSet, elsewhere: Mapping[str, Collection[str]] | None = None) -> None:
+    def __init__(
+        self,
+        poses: PoseSet,
+        elsewhere: Mapping[str, Collection[Path]] | None = None,
+        root: str | Path | None = None,
+    ) -> None:
         self.poses = poses
-        self.domains = {poses.domain, *(name.split("/")[0] for name in elsewhere or {})}
-        self.others = {name for names in (elsewhere or {}).values() for name in names}
-        self.others |= {Path(name).stem for name in self.others}
-        self.names = {name: i for i, name in enumerate(poses.ids)}
-        # folders that a name must have
-        self.depth = len(PureWindowsPath(poses.ids[0]).parts) if poses.ids else 1
+        # names that were passed over, by domain
+        self.passed: Counter[str] = Counter()
+        # as `convert` names its copies, then the files' own names, which come first
+        self.names = {name.replace("/", "-"): i for i, name in enumerate(poses.ids)}
         stems = Counter(map(_stem, poses.ids))
         self.names |= {_stem(name): i for i, name in enumerate(poses.ids) if stems[_stem(name)] == 1}
-        # as `convert` names its copies
-        self.names |= {name.replace("/", "-"): i for i, name in enumerate(poses.ids)}
+        self.names |= {name: i for i, name in enumerate(poses.ids)}
+        # folders that a name must have
+        self.depth = len(PureWindowsPath(poses.ids[0]).parts) if poses.ids else 1
+        # which sets have an image of a name, and which words before it may mean a set
+        self.holders: dict[str, set[str]] = {}
+        self.words: dict[str, set[str]] = {}
+        for name, files in {**(elsewhere or {}), poses.name: poses.files}.items():
+            self.words[name] = {name.split("/")[0]}
+            for file in files:
+                below = file if root is None or not file.is_relative_to(root) else file.relative_to(root)
+                self.words[name].update(below.parent.parts)
+                for key in (file.name, file.stem):
+                    self.holders.setdefault(key, set()).add(name)
 
     def find(self, text: object, file: Path, field: str) -> int | None:
         """The image's number; None for an image of another domain or split of the folder.
@@ -58,24 +73,56 @@ class ImageNames:
         Raises:
             InputError: no image of the folder has this name; it names `file` and `field`.
         """
-        path = PureWindowsPath(text.strip() if isinstance(text, str) else "")
-        folders = [part for part in path.parts[:-1] if part in self.domains] or [self.poses.domain]
-        whole = "/".join(path.parts[-self.depth :])
-        for name in dict.fromkeys((whole, _stem(whole), path.name, path.stem)):
-            if name in self.names and (name not in self.others or folders[-1] == self.poses.domain):
-                return self.names[name]
-            if name in self.others:
-                return None
+        sets, index = self._sets(text), self._index(text)
+        if index is not None and self.poses.name in sets:
+            return index
+        if sets and self.poses.name not in sets:
+            self.passed.update({name.split("/")[0] for name in sets})
+            return None
         problem, expected = (
             f"{text!r} is no image of {self.poses.name}",
             f"a name such as {self.poses.ids[0]}",
         )
         raise InputError(problem, file=file, field=field, expected=expected)
 
+    def also_of(self, text: object) -> set[str]:
+        """The other domains of the folder that the name may mean as well."""
+        return {name.split("/")[0] for name in self._sets(text)} - {self.poses.domain}
+
+    def _index(self, text: object) -> int | None:
+        path = _path(text)
+        whole = "/".join(path.parts[-self.depth :])
+        return next(
+            (self.names[n] for n in (whole, _stem(whole), path.name, path.stem) if n in self.names), None
+        )
+
+    def _sets(self, text: object) -> set[str]:
+        """The sets that have an image of this name; where its folders tell sets apart, those that have the folders too.
+
+        The last folders count most: those before them may be of another place.
+        """
+        path = _path(text)
+        sets = self.holders.get(path.name, set()) | self.holders.get(path.stem, set())
+        sets |= {self.poses.name} if self._index(text) is not None else set()
+        for folder in reversed(path.parts[:-1]):
+            sets = {name for name in sets if folder in self.words[name]} or sets
+        return sets
+
+    def note(self, say: Say) -> None:
+        """Say how many names were passed over that are of this domain, but of none of the images that are scored."""
+        if count := self.passed[self.poses.domain]:
+            say(
+                f"names of other images of {self.poses.domain} than those of {self.poses.name} were passed over: {count}"
+            )
+
     def none_found(self, file: Path) -> InputError:
         """What to raise for a file whose images are all of other domains."""
         problem, expected = f"names no image of {self.poses.name}", f"images such as {self.poses.ids[0]}"
         return InputError(problem, file=file, expected=expected)
+
+
+def _path(text: object) -> PureWindowsPath:
+    return PureWindowsPath(text.strip() if isinstance(text, str) else "")
 
 
 def _stem(name: str) -> str:
@@ -84,10 +131,10 @@ def _stem(name: str) -> str:
     return folders + slash + Path(file).stem
 
 
-def names_elsewhere(root: str | Path, poses: PoseSet) -> dict[str, set[str]]:
-    """Names of the images of all other domains and splits of a folder, by domain/split."""
-    own = {file.name for file in poses.files}  # splits of the same list share them
-    found = {n: f - own if n.split("/")[0] == poses.domain else f for n, f in names_of(root).items()}
+def names_elsewhere(root: str | Path, poses: PoseSet) -> dict[str, set[Path]]:
+    """Files of the images of all other domains and splits of a folder, by domain/split."""
+    own = set(poses.files)  # splits of the same list share them
+    found = {name: files - own for name, files in files_of(root).items()}
     return {name: files for name, files in found.items() if files and name != poses.name}
 
 
@@ -97,6 +144,7 @@ def load_predictions(
     keypoints: int,
     images: str | Path | None = None,
     names: ImageNames | None = None,
+    say: Say = lambda _: None,
 ) -> list[Detections]:
     """The detections of each image of `poses`; an image that the file does not name has none.
 
@@ -105,6 +153,10 @@ def load_predictions(
         keypoints: how many a record has.
         images: COCO's annotations file, whose `images` map an `image_id` to a file.
         names: which image a name means; those of `poses` alone where left out.
+        say: told of images with several records, where these may be of several domains.
+
+    Raises:
+        InputError: a record that cannot be read, or a file of several domains whose names do not say which.
 
     Returns:
         Boxes of records without `bbox`, which COCO's results of keypoints need not have, are NaN.
@@ -117,13 +169,15 @@ def load_predictions(
         expected = "COCO's results format with file_name for image_id"
         raise InputError("holds no list", file=path, expected=expected)
     found: list[list[tuple[np.ndarray, np.ndarray, float]]] = [[] for _ in poses.files]
+    domains: set[str] = set()
+    visits: list[tuple[int, str]] = []  # image and record, where the name may be of another domain
     for number, record in enumerate(records):
         field = f"record {number}"
         if not isinstance(record, dict):
             expected = "file_name, bbox, keypoints and score"
             raise InputError("is not an object", file=path, field=field, expected=expected)
         name, key = record.get("file_name"), record.get("image_id")
-        if name is None and files and key not in files:
+        if name is None and files and not (isinstance(key, int | float | str) and key in files):
             problem = f"{key!r} is no image of the annotations file"
             raise InputError(problem, file=path, field=f"{field}.image_id", expected=f"an id of {images}")
         if name is None:  # a name, as AlphaPose and ultralytics write it, or a number
@@ -141,8 +195,21 @@ def load_predictions(
             raise InputError(problem, file=path, field=f"{field}.bbox", expected="x, y, w, h")
         if index is not None:
             found[index].append((np.concatenate([box[:2], box[:2] + box[2:]]), points, score))
+            if also := names.also_of(name):
+                domains |= also
+                visits.append((index, field))
     if records and not any(found):
         raise names.none_found(path)
+    seen = [index for index, _ in visits]
+    meant = f"{poses.domain}/{poses.files[0].name} where it is of {poses.domain}"
+    if (start := starts_over(seen, len(domains))) is not None:
+        problem = f"the names start over, as those of {', '.join(sorted({poses.domain, *domains}))} do"
+        raise InputError(problem, file=path, field=visits[start][1], expected=meant)
+    if several := sum(count > 1 for count in Counter(seen).values()):
+        say(
+            f"{several} images have several records, all taken for detections in {poses.domain}; "
+            f"{', '.join(sorted(domains))} has the same names, so of several domains write {meant}"
+        )
     return [_stack(each, keypoints) for each in found]
 
 

@@ -6,6 +6,7 @@ that of the file as it stands. It is always said.
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy.stats import binomtest
@@ -69,6 +70,23 @@ def which_block(blocks: Sequence[np.ndarray], foreign: Sequence[int], poses: Pos
     best = int(np.argmax(won))
     by_chance = binomtest(int(won[best]), known.shape[1], 1 / len(blocks), alternative="greater").pvalue
     return best if by_chance < 0.01 else None
+
+
+def starts_over(images: Sequence[int], others: int) -> int | None:
+    """Where a list of detections begins to go through the images once more, as a list of several domains does.
+
+    Several detections of an image stand together, or in the order of their scores. Both are told from a list that rises through
+    the images, and through the same ones again, not more often than there are domains.
+
+    Args:
+        images: the image's number, record by record.
+        others: the number of domains that may be in the list as well.
+    """
+    again = 5  # images that come again: fewer may rise by chance
+    visits = [i for i in range(len(images)) if i == 0 or images[i] != images[i - 1]]
+    starts = [b for a, b in pairwise(visits) if images[b] < images[a]]
+    repeated = len(visits) - len(set(images))
+    return starts[0] if 0 < len(starts) <= others and repeated >= again else None
 
 
 def point_readings(

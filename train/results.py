@@ -137,6 +137,7 @@ class Ablation:
             for arm in others
             for domain in self.study.tests
             for measure, values in self.compare((arm, domain), (self.config.baseline, domain)).items()
+            if np.isfinite(values[1])  # a set without poses has no pose errors
         ]
         corrected = holm(np.array([d.p_value_in_family for d in found]))
         return [replace(d, p_value_in_family=float(p)) for d, p in zip(found, corrected)]

@@ -219,7 +219,7 @@ def _taken(poses: PoseSet, point: SeverityPoint, folder: Path, seed: int) -> Pos
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(2**20 * seed + number)
             noisy = noise(image)
-        target = (folder / name).with_suffix(".png")
+        target = folder / f"{name}.png"  # with its suffix: two images may differ in that alone
         target.parent.mkdir(parents=True, exist_ok=True)
         if not cv2.imwrite(str(target), noisy):
             raise InputError("cannot be written", file=target)

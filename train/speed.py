@@ -72,20 +72,29 @@ class PoseSet:
         return tuple("/".join(file.parts[-parts:]) for file in self.files)
 
     def targets(self, keypoints: Keypoints) -> Targets:
-        """Boxes and keypoints in pixels: as annotated where they are, else projected by the pose."""
+        """Boxes and keypoints in pixels: as annotated where they are, else projected by the pose.
+
+        Both ways boxes are cut at the border, points outside are not visible, and a target of less than a pixel is not seen.
+        """
         if self.points is not None:
             if (count := self.points.shape[1]) != len(keypoints):
                 problem = f"{self.name}: {count} keypoints are annotated, the model has {len(keypoints)}"
                 raise InputError(problem, field="keypoints", expected="the model of the annotations")
-            boxes = np.zeros((len(self), 4)) if self.boxes is None else self.boxes
-            seen = np.asarray(np.isfinite(boxes).all(axis=1))
-            inside = (self.points[..., 2] > 0) & seen[:, None]
-            return Targets(np.nan_to_num(boxes), self.points[..., :2], inside, seen)
+            boxes = np.full((len(self), 4), np.nan) if self.boxes is None else self.boxes
+            boxes, points = self._cut(np.nan_to_num(boxes)), self.points[..., :2]
+            seen = np.asarray(((boxes[:, 2:] - boxes[:, :2]) >= 1.0).all(axis=1))
+            within = ((points >= 0) & (points <= np.array(self.camera.size))).all(axis=2)
+            return Targets(boxes, points, within & (self.points[..., 2] > 0) & seen[:, None], seen)
         targets = project_targets(self.camera, keypoints, self.quaternions, self.translations)
         if self.boxes is None:
             return targets
-        known = np.asarray(np.isfinite(self.boxes).all(axis=1))
-        return replace(targets, boxes=np.where(known[:, None], self.boxes, targets.boxes))
+        boxes = self._cut(self.boxes)
+        known = np.asarray(((boxes[:, 2:] - boxes[:, :2]) >= 1.0).all(axis=1))  # NaN is not
+        return replace(targets, boxes=np.where(known[:, None], boxes, targets.boxes))
+
+    def _cut(self, boxes: np.ndarray) -> np.ndarray:
+        """Boxes cut at the border of the image."""
+        return np.clip(boxes, 0, np.tile(self.camera.size, 2))
 
     def select(self, indices: np.ndarray) -> "PoseSet":
         """The images at `indices`."""

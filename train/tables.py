@@ -110,11 +110,11 @@ def signed(change: float, low: float, high: float) -> str:
 
 
 def value(summary: Mapping[str, Any], measure: str) -> float:
-    """A measure out of a domain's summary."""
+    """A measure out of a domain's summary; NaN where it is not determined."""
     found: Any = summary
     for key in MEASURES[measure][0]:
         found = found[key]
-    return float(found)
+    return float("nan") if found is None else float(found)
 
 
 def domains_of(means: Scores) -> list[str]:
@@ -248,7 +248,7 @@ POSE_COLUMNS = {
 def pose_table(summaries: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]]) -> ResultTable:
     """Pose errors of arm -> domain -> the seeds' summaries: means over seeds."""
     rows = [
-        [arm, domain, *(_number(sum(s[key] for s in seeds) / len(seeds)) for key in POSE_COLUMNS.values())]
+        [arm, domain, *(_number(_mean([s.get(key) for s in seeds])) for key in POSE_COLUMNS.values())]
         for arm, domains in summaries.items()
         for domain, seeds in domains.items()
     ]
@@ -267,6 +267,12 @@ def _latex(text: str) -> str:
     for character in "&%#_":
         text = text.replace(character, rf"\{character}")
     return text.replace("±", r"$\pm$").replace("†", r"$\dagger$").replace("^2", "$^2$")
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    """None where one is not determined."""
+    known = [value for value in values if value is not None]
+    return sum(known) / len(known) if len(known) == len(values) else None
 
 
 def _number(number: float | None) -> str:

@@ -24,7 +24,7 @@ from visaug.core.files import whole_file, write_json, write_text
 from visaug.core.progress import Progress
 from visaug_train import callbacks
 from visaug_train.arms import Arm
-from visaug_train.checks import Say, check_apart, cost, followed, start_weights
+from visaug_train.checks import Say, check_apart, check_target, cost, followed, start_weights
 from visaug_train.config import Config, Source
 from visaug_train.convert import convert
 from visaug_train.datasets import keypoints_of, read_poses
@@ -89,6 +89,8 @@ def prepare(
     keypoints = keypoints_of(data.keypoints, parts["train"])
     tests = {name: read(source) for name, source in data.test.items()}
     check_apart(parts, tests)
+    for poses in (parts["val"], *tests.values()):
+        check_target(data.keypoints, keypoints, parts["train"], poses)
     if announce is not None and not (config.cluster and config.cluster.address):
         announce(cost(config, len(parts["train"]), arms))
     name = "-".join(["ultralytics", *data.copies])

@@ -208,7 +208,7 @@ def noised(batch: dict, noise: nn.Module, value_jitter: float | None = None) -> 
     images = batch["img"]
     with torch.autocast(images.device.type, enabled=False):
         clean = images.float()
-        noisy = noise(clean)
+        noisy = noise(clean.clone())  # a module may work in place
     extent = batch.pop(EXTENT, None)
     if extent is not None:
         held = torch.stack(list(extent))[:, None].to(images.device)

@@ -123,3 +123,43 @@ def test_prepare_is_a_command(rendered, tmp_path):
     assert "lightbox/test: 4 images" in said
     assert (tmp_path / "data-coco" / "lightbox-test.json").is_file()
     assert (tmp_path / "data-80x50" / "data.yaml").is_file()
+
+
+def test_another_set_is_split_as_the_config_says_and_keeps_the_files_of_the_own_one(
+    stubbed, rendered, tmp_path
+):
+    speed = tmp_path / "speed"
+    source = read_poses(rendered, "synthetic", "train")
+    shutil.copytree(source.files[0].parent, speed / "images" / "train")
+    shutil.copy(rendered / "camera.json", speed)
+    shutil.copy(rendered / "synthetic" / "train.json", speed)
+    content = {
+        "name": "n",
+        "output": str(tmp_path / "out"),
+        "data": {
+            "root": str(speed),
+            "split_seed": 1,
+            "train": {"domain": "speed", "split": "train"},
+            "validation": {"domain": "speed", "split": "validation"},
+            "test": {"speed": {"domain": "speed", "split": "test"}},
+        },
+        "training": {"epochs": 1, "imgsz": 160, "device": "cpu"},
+        "arms": {"baseline": {}},
+    }
+    (tmp_path / "c.yaml").write_text(yaml.safe_dump(content))
+    call("train", tmp_path / "c.yaml")
+    call("evaluate", tmp_path / "c.yaml")
+    (table,) = (tmp_path / "out" / "runs").glob("*/speed.csv")
+    own = table.read_text()
+    call("evaluate", tmp_path / "c.yaml", "--data", speed, "--domain", "speed")
+    assert table.read_text() == own
+    assert len(list(table.parent.glob("speed*.csv"))) == 2
+    call("evaluate", tmp_path / "c.yaml", "--data", speed, "--domain", "speed", "--split", "train")
+    assert table.read_text() == own
+    assert len(list(table.parent.glob("speed*.csv"))) == 4
+
+
+def test_an_arm_goes_with_a_config(rendered, tmp_path):
+    words = ["evaluate", "--predictions", "p.csv", "--data", rendered, "--domain", "lightbox", "--arm", "vis"]
+    result = CliRunner().invoke(program, [str(word) for word in words])
+    assert "--arm: goes with CONFIG" in str(result.exception) + result.output

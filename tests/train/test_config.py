@@ -189,3 +189,63 @@ def test_where_a_camera_file_lies_decides_nothing(tmp_path, monkeypatch):
     (tmp_path / "camera.yaml").write_text("{resolution: [8, 8], gain_e_per_dn: 3.0}")
     (tmp_path / "other.yaml").write_text("{resolution: [8, 8], gain_e_per_dn: 2.0}")
     assert digest("camera.yaml") != digest("other.yaml")
+
+
+NETWORKS = {
+    "garbage.pt": "hello",
+    "list.yaml": "- 1\n",
+    "half.yaml": "nc: 1\nbackbone: []\n",
+    "layer.yaml": "nc: 1\nkpt_shape: [4, 3]\nbackbone: [[-1, 1, Foo, [3]]]\nhead: [[[0], 1, Pose, [nc, kpt_shape]]]\n",
+    "points.yaml": "points_m: {a: [0, 0, 0]}\n",
+    "yolov8n.yaml": None,
+}
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_what_is_no_pose_network_is_one_line(tmp_path, name):
+    from visaug_train.checks import check_network
+
+    content = NETWORKS[name]
+    file = tmp_path / name
+    if content is not None:
+        file.write_text(content)
+    with pytest.raises(InputError, match=r"model: .*expected a pose network") as caught:
+        check_network(name if content is None else str(file))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("where", ["study", "arm", "start"])
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"imgsz": [64, 64]}, r"training\.imgsz: .*is \[64, 64\]"),
+        ({"imgsz": "big"}, "training.imgsz"),
+        ({"imgsz": None}, "training.imgsz"),
+        ({"imgsz": 0}, "training.imgsz"),
+        ({"imgsz": -64}, "training.imgsz"),
+        ({"imgsz": 10**9}, "training.imgsz"),
+        ({"optimizer": "Foo"}, "training.optimizer: .*Foo is not an optimizer"),
+    ],
+)
+def test_arguments_that_ultralytics_does_not_check_are_one_line(tmp_path, monkeypatch, where, given, message):
+    from visaug_train import checks
+
+    monkeypatch.setattr(checks, "check_network", lambda _: None)
+    changes = {
+        "study": {"training": given},
+        "arm": {"arms": {"baseline": {}, "vis": {"training": given}}},
+        "start": {"start": {"epochs": 1, "training": given}},
+    }
+    with pytest.raises(InputError, match=message):
+        checks.check_arms(check_config(minimal(output=str(tmp_path), **changes[where])))
+
+
+def test_optimizers_are_those_of_ultralytics():
+    import inspect
+
+    from ultralytics.engine.trainer import BaseTrainer
+
+    from visaug_train.checks import OPTIMIZERS
+
+    source = inspect.getsource(BaseTrainer.build_optimizer)
+    assert all(f'"{name}"' in source for name in OPTIMIZERS)

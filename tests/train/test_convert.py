@@ -84,3 +84,17 @@ def test_a_moved_dataset_is_found_again_with_the_same_hash(rendered, tmp_path, s
     assert yaml.safe_load(moved.read_text())["path"] == str(tmp_path / "there" / "out")
     assert decides(study, study.arm("baseline"), moved) == before
     assert all(image.stat().st_size for image in (tmp_path / "there" / "out" / "images" / "train").iterdir())
+
+
+@pytest.mark.parametrize("size", [None, (8, 5)])
+@pytest.mark.parametrize("names", [("a.jpg", "a.png"), ("a/b-c.png", "a-b/c.png", "z/c.png")])
+def test_images_that_would_share_a_label_are_refused(tmp_path, names, size):
+    q, r = np.array([[1.0, 0, 0, 0]] * len(names)), np.array([[0, 0, 4.0]] * len(names))
+    files = tuple(tmp_path / "in" / name for name in names)
+    for file in files:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(file), np.zeros((SPEED_PLUS_CAMERA.height, SPEED_PLUS_CAMERA.width), np.uint8))
+    poses = PoseSet("p/train", SPEED_PLUS_CAMERA, files, q, r)
+    with pytest.raises(InputError, match="would have the label of"):
+        convert({"train": poses}, TANGO, tmp_path / "out", size)
+    assert not (tmp_path / "out").exists()

@@ -1,5 +1,6 @@
 """Readers of pose data, on small made data in the layouts as published; projections by OpenCV."""
 
+import dataclasses
 import json
 import tarfile
 from pathlib import Path
@@ -11,9 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from visaug.core.errors import InputError
 from visaug_train.archive import prepare_archive, prepare_dataset
+from visaug_train.checks import check_target
 from visaug_train.commands import evaluate_predictions
-from visaug_train.convert import convert
+from visaug_train.convert import convert, label_lines
 from visaug_train.datasets import domains, keypoints_of, read_poses
+from visaug_train.geometry import Keypoints
 
 K = np.array([[300.0, 0, 80], [0, 310.0, 50], [0, 0, 1]])
 SIZE = (160, 100)
@@ -346,3 +349,187 @@ def test_the_reader_of_the_page_reads(tmp_path: Path, monkeypatch: pytest.Monkey
     picture(tmp_path / "images" / "a.png")
     assert domains(tmp_path) == {"mine": ("test",)}
     np.testing.assert_allclose(read_poses(tmp_path, "mine").translations, [shift])
+
+
+def make_shirt(root: Path) -> None:
+    """Two trajectories of six images whose names are the same."""
+    write(root / "camera.json", camera_json())
+    for number, trajectory in enumerate(("roe1", "roe2")):
+        names = [f"img{i:06d}.jpg" for i in range(3)]
+        truths = TRUTH[3 * number : 3 * number + 3]
+        write(root / trajectory / f"{trajectory}.json", [speed_record(n, *t) for n, t in zip(names, truths)])
+        for name in names:
+            picture(root / trajectory / "lightbox" / "images" / name)
+
+
+@pytest.mark.parametrize(
+    "form", ["{t}/lightbox/images/", "/data/roe2/shirt/{t}/lightbox/images/", "{t}_lightbox/"]
+)
+def test_a_trajectory_is_told_by_its_folders(tmp_path: Path, form: str) -> None:
+    """Exact points of both trajectories score 1 on each, and those of the other one alone are refused."""
+    root, tango = tmp_path / "shirt", Keypoints.load()
+    make_shirt(root)
+    records = {}
+    for number, trajectory in enumerate(("roe1", "roe2")):
+        points = [projected(tango.points_m, *t) for t in TRUTH[3 * number : 3 * number + 3]]
+        names = [f"{form.format(t=trajectory)}img{i:06d}.jpg" for i in range(3)]
+        records[trajectory] = [result(*each) for each in zip(names, points)]
+    write(tmp_path / "p.json", records["roe1"] + records["roe2"])
+    for domain in ("roe1_lightbox", "roe2_lightbox"):
+        scores = evaluate_predictions(tmp_path / "p.json", root, domain)[domain]
+        assert scores["attitude_error_deg"] < 0.01
+    write(tmp_path / "p.json", records["roe2"])
+    with pytest.raises(InputError, match="names no image of roe1_lightbox"):
+        evaluate_predictions(tmp_path / "p.json", root, "roe1_lightbox")
+
+
+def test_a_bop_split_is_told_by_its_folder(tmp_path: Path) -> None:
+    """`val_pbr` and `test` hold scenes and images of the same names; both are of other objects' poses."""
+    make_bop(tmp_path)
+    names = [f"000000/rgb/{n:06d}.png" for n in range(2)]
+    sets = {"val_pbr": TRUTH[4:6], "test": TRUTH[6:8], "train_pbr": TRUTH[:2]}
+    records = [
+        result(f"{folder}/{name}", projected(corners_m(), *pose))
+        for folder, poses in sets.items()
+        for name, pose in zip(names, poses)
+    ]
+    write(tmp_path / "p.json", records)
+    for domain, split in (("pbr", "validation"), ("bop", "test")):
+        scores = evaluate_predictions(tmp_path / "p.json", tmp_path, domain, split=split)[domain]
+        assert scores["attitude_error_deg"] < 0.01
+
+
+def test_each_set_has_the_points_of_its_own_object(tmp_path: Path) -> None:
+    """Object 1 has half the size of object 3: the box of its annotation is half as wide."""
+    make_bop(tmp_path / "data")
+    models = {"3": BOX_MM, "1": {key: value / 2 for key, value in BOX_MM.items()}}
+    write(tmp_path / "data/models/models_info.json", models)
+    file = tmp_path / "data/test/000000/scene_gt.json"
+    write(file, {key: [each[0] | {"obj_id": 1}] for key, each in json.loads(file.read_text()).items()})
+    prepare_dataset(tmp_path / "data", coco=True)
+    for name, object_id in (("bop-test", 1), ("pbr-train", 3)):
+        made = json.loads((tmp_path / f"data-coco/{name}.json").read_text())
+        assert made["categories"][0]["name"] == f"obj_{object_id:06d}"
+    half = projected(corners_m() / 2, *TRUTH[6])
+    made = json.loads((tmp_path / "data-coco/bop-test.json").read_text())["annotations"][0]
+    np.testing.assert_allclose(np.reshape(made["keypoints"], (-1, 3))[:, :2], half, atol=0.01)
+
+
+def test_a_network_is_not_scored_on_another_spacecraft(tmp_path: Path) -> None:
+    make_bop(tmp_path)
+    trained, other = read_poses(tmp_path, "pbr", "train"), read_poses(tmp_path, "bop")
+    points = keypoints_of("tango", trained)
+    check_target("tango", points, trained, other)
+    assert other.keypoints is not None
+    smaller = dataclasses.replace(other.keypoints, name="obj_000001", points_m=other.keypoints.points_m / 2)
+    with pytest.raises(InputError, match="shows obj_000001, whose points are not those of obj_000003"):
+        check_target("tango", points, trained, dataclasses.replace(other, keypoints=smaller))
+    with pytest.raises(InputError, match="shows obj_000003, whose points are not those of tango"):
+        check_target("tango", Keypoints.load(), dataclasses.replace(trained, spacecraft="tango"), other)
+    check_target("own.yaml", Keypoints.load(), trained, other)
+
+
+def test_copies_for_training_need_a_train_split(tmp_path: Path) -> None:
+    make_shirt(tmp_path / "shirt")
+    with pytest.raises(InputError, match=r"--size: .* has no labelled train split"):
+        prepare_dataset(tmp_path / "shirt", size="80x50")
+    for size in ("99999999x5", "5x0", "65536x5", "x", "9" * 5000 + "x5"):
+        with pytest.raises(InputError, match="is not a size"):
+            prepare_dataset(tmp_path / "shirt", size=size)
+
+
+def test_domains_that_are_not_converted_are_said(tmp_path: Path) -> None:
+    root = tmp_path / "spe3r"
+    write(root / "camera.json", camera_json())
+    write(root / "splits.csv", "aqua,train\nbqua,train\n")
+    for name in ("aqua", "bqua"):
+        write(root / name / "labels.json", [speed_record(f"img{n:06d}", *TRUTH[n % 8]) for n in (1, 401)])
+        for number in (1, 401):
+            picture(root / name / "images" / f"img{number:06d}.jpg")
+    said = prepare_dataset(root, size="80x50", keypoints=str(points_file(tmp_path)))
+    assert "note: --size converts the first domain with a train split, aqua; not bqua" in said
+
+
+def changed(file: Path, part: str, **values: object) -> None:
+    """Changes the first entry of a part of a COCO file."""
+    content = json.loads(file.read_text())
+    content[part][0] |= values
+    write(file, content)
+
+
+def test_coco_annotations_are_cut_at_the_border(tmp_path: Path) -> None:
+    """A point and a box outside give labels that ultralytics takes: shares from 0 to 1, no visibility outside."""
+    make_coco(tmp_path, "images")
+    points = [[165, 30, 1], [60, 30, 2], [60, 70, 2], [20, -3, 2]]
+    changed(
+        tmp_path / "annotations/train.json",
+        "annotations",
+        bbox=[20, -3, 145, 73],
+        keypoints=np.ravel(points).tolist(),
+    )
+    poses = read_poses(tmp_path, "coco", "train")
+    line, *_ = label_lines(poses, keypoints_of("tango", poses))
+    numbers = np.array(line.split(), float)
+    np.testing.assert_allclose(numbers[1:5], [90 / 160, 35 / 100, 140 / 160, 70 / 100], atol=1e-6)
+    assert numbers[5:].reshape(4, 3)[:, 2].tolist() == [0, 2, 2, 0]
+    assert (numbers >= 0).all()
+    assert (numbers[1:] <= 2).all()
+
+
+def test_coco_without_annotations_has_no_labels(tmp_path: Path) -> None:
+    make_coco(tmp_path, "images")
+    file = tmp_path / "annotations/val.json"
+    write(file, json.loads(file.read_text()) | {"annotations": []})
+    with pytest.raises(InputError, match="no labels"):
+        read_poses(tmp_path, "coco", "validation")
+    write(tmp_path / "p.txt", [result("val_0.jpg", np.array([[2, 3], [40, 3], [40, 30], [2, 30.0]]))])
+    for more, message in (({}, "nothing to score"), ({"poses_csv": tmp_path / "s.csv"}, "no pose follows")):
+        with pytest.raises(InputError, match=message):
+            evaluate_predictions(tmp_path / "p.txt", tmp_path, "coco", split="validation", **more)
+
+
+@pytest.mark.parametrize(
+    ("part", "values", "message"),
+    [
+        ("annotations", {"bbox": [1, 1, -5, 4]}, "annotations.0.bbox: a width or height is negative"),
+        ("annotations", {"image_id": [10]}, "annotations.0.image_id: names no image"),
+        ("images", {"id": [10]}, "images.0: is malformed"),
+        ("categories", {"flip_idx": [1, "a", 0, 2]}, "flip_idx: is no order"),
+        ("categories", {"flip_idx": [1, 0, 2, True]}, "flip_idx: is no order"),
+    ],
+)
+def test_malformed_coco_is_one_line(tmp_path: Path, part: str, values: dict, message: str) -> None:
+    make_coco(tmp_path, "images")
+    changed(tmp_path / "annotations/train.json", part, **values)
+    with pytest.raises(InputError, match=message):
+        read_poses(tmp_path, "coco", "train")
+
+
+@pytest.mark.parametrize("key", ["a", "-1", "\u00b2", "1.5"])
+def test_a_bop_key_that_is_no_number_is_one_line(tmp_path: Path, key: str) -> None:
+    make_bop(tmp_path)
+    file = tmp_path / "test/000000/scene_camera.json"
+    write(file, {key: json.loads(file.read_text())["0"]})
+    with pytest.raises(InputError, match="is no image's number"):
+        read_poses(tmp_path, "bop")
+
+
+@pytest.mark.parametrize("number", [[1], None, "x", 1.5, {}])
+def test_a_bop_object_that_is_no_number_is_one_line(tmp_path: Path, number: object) -> None:
+    make_bop(tmp_path)
+    file = tmp_path / "test/000000/scene_gt.json"
+    write(file, {key: [each[0] | {"obj_id": number}] for key, each in json.loads(file.read_text()).items()})
+    with pytest.raises(InputError, match=r"0\.obj_id: is no object's number"):
+        read_poses(tmp_path, "bop")
+
+
+def test_malformed_spe3r_is_one_line(tmp_path: Path) -> None:
+    write(tmp_path / "camera.json", camera_json())
+    write(tmp_path / "splits.csv", "aqua,train\n")
+    write(tmp_path / "aqua/labels.json", [speed_record("frame_a", *TRUTH[0])])
+    picture(tmp_path / "aqua/images/frame_a.jpg")
+    with pytest.raises(InputError, match=r"frame_a\.jpg has no number"):
+        read_poses(tmp_path, "aqua", "train")
+    (tmp_path / "splits.csv").write_bytes(b"aqu\xe9,train\n")
+    with pytest.raises(InputError, match=r"splits\.csv: is no CSV text"):
+        domains(tmp_path)

@@ -1,11 +1,13 @@
 """The evaluator on a rendered domain: perfect, missed and malformed predictions."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from visaug.core.errors import InputError
+from visaug_train import tables
 from visaug_train.commands import evaluate_predictions
 from visaug_train.evaluate import evaluate
 from visaug_train.geometry import Keypoints, project_targets
@@ -99,3 +101,32 @@ def test_malformed_predictions_are_named(rendered, tmp_path, change, message):
     (tmp_path / "p.json").write_text(json.dumps([record | change]))
     with pytest.raises(InputError, match=message):
         evaluate_predictions(tmp_path / "p.json", rendered, "sunlamp")
+
+
+def test_a_set_that_shows_no_target_determines_nothing(rendered, tmp_path):
+    """All targets beside the image: neither AP nor errors are known, and the scores are JSON."""
+    poses = read_poses(rendered, "lightbox")
+    away = replace(poses, translations=np.array([[20.0, 0, 5]] * len(poses)))
+    assert not away.targets(TANGO).seen.any()
+    scores = evaluate("lightbox", away, TANGO, perfect(poses)).summary()
+    known = {"images": 4, "poses_found": 1.0}
+    for key, value in scores.items():
+        values = value.values() if isinstance(value, dict) else [value]
+        assert {*values} == {known.get(key)}, key
+    json.dumps(scores, allow_nan=False)
+    assert np.isnan(tables.value(scores, "spec_score"))
+    assert tables.pose_table({"a": {"lightbox": [scores]}}).rows[0][2] == ""
+
+
+@pytest.mark.parametrize("key", [[1], {"a": 1}])
+def test_an_image_id_that_is_no_id_is_one_line(rendered, tmp_path, key):
+    poses = read_poses(rendered, "lightbox")
+    save_predictions(tmp_path / "p.json", poses, perfect(poses))
+    records = json.loads((tmp_path / "p.json").read_text())
+    records[0] = {name: value for name, value in records[0].items() if name != "file_name"} | {
+        "image_id": key
+    }
+    (tmp_path / "p.json").write_text(json.dumps(records))
+    (tmp_path / "i.json").write_text(json.dumps({"images": [{"id": 1, "file_name": poses.ids[0]}]}))
+    with pytest.raises(InputError, match="is no image of the annotations file"):
+        load_predictions(tmp_path / "p.json", poses, 11, tmp_path / "i.json")

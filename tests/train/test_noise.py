@@ -1,10 +1,14 @@
 """Arms made of cameras: populations, effects of random strength in a share of the images, white noise of equal variance."""
 
+from types import SimpleNamespace
+
+import cv2
 import numpy as np
 import pytest
 import torch
 
 import visaug
+from visaug.augment.dataset_noise import with_bands, with_transfer
 from visaug.core.errors import InputError
 from visaug_train.arms import Arm, Vis, White
 from visaug_train.noise import batch_noise, vis_noise
@@ -86,3 +90,65 @@ def test_white_noise_of_eq_6_takes_one_camera(cameras):
     noisy = batch_noise(Arm(white=White(camera=cameras[1])))(torch.full((4, 1, 40, 40), 0.5))
     # Shot noise of 20,475 e- and 2000 e- of read noise at 40,950 e- for white; 6400 pixels know it to 1 %.
     assert float(noisy.std()) == pytest.approx(np.sqrt(20475 + 2000**2) / 40950, rel=0.05)
+
+
+@pytest.mark.parametrize("more", [{}, {"p": 0.5}, {"sigma_e": [1.0, 2.0]}])
+def test_auto_is_decided_by_the_files_whatever_the_effects_are(tmp_path, more):
+    """Colour files of 8 bits are taken as sRGB; the noise is then that of `transfer: srgb` to the bit."""
+    cv2.imwrite(str(tmp_path / "rgb.png"), np.zeros((8, 8, 3), np.uint8))
+    files = SimpleNamespace(im_files=[str(tmp_path / "rgb.png")])
+    effects = [{"name": "row_noise", "sigma_e": 1.5} | more]
+    images, found = torch.full((8, 3, 32, 32), 0.1), []
+    for transfer in ("auto", "srgb"):
+        vis = Vis(camera="sony_imx174", gain_db=24.0, transfer=transfer, effects=effects)
+        noise, said = with_transfer(vis_noise(vis), files)
+        assert ("taken as sRGB" in said) == (transfer == "auto")
+        torch.manual_seed(3)
+        found.append(noise(images))
+    assert torch.equal(*found)
+
+
+def test_channels_are_bands_also_with_drawn_effects():
+    noise = vis_noise(
+        Vis(camera="sony_imx174", effects=[{"name": "row_noise", "sigma_e": [1.0, 2.0], "p": 0.5}])
+    )
+    noise, said = with_bands(noise, 6)
+    assert "6 channels taken as bands" in said
+    assert noise(torch.full((4, 6, 16, 16), 0.5)).shape == (4, 6, 16, 16)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"gain_db": 30.0},
+        {"exposure": 0.05},
+        {"strength": 5.0},
+        {"effects": [{"name": "row_noise", "sigma_e": 300}]},
+        {"transfer": "srgb"},
+        {"full_scale_photons": 500.0},
+        {"resolution": "sensor"},
+    ],
+)
+def test_what_eq_6_does_not_hold_is_refused(more):
+    (key,) = more
+    with pytest.raises(ValueError, match=f"{key} has no part in eq. 6"):
+        White(camera="sony_imx174", **more)
+    White(camera="sony_imx174", variance="sensor", **more)
+
+
+def test_a_gain_that_is_set_acts_in_eq_6():
+    """20 dB are a tenth of the electrons, whose shot noise is about three times as strong."""
+    images, found = torch.full((8, 1, 64, 64), 0.5), []
+    for values in ({}, {"gain_db": 20.0}):
+        torch.manual_seed(0)
+        found.append(batch_noise(Arm(white=White(camera="sony_imx174", set=values)))(images).std())
+    assert 2.5 < found[1] / found[0] < 3.8
+
+
+def test_an_effect_stands_once_and_a_population_has_a_camera():
+    twice = [{"name": "row_noise", "sigma_e": 300}, {"name": "row_noise", "sigma_e": [0.1, 0.2]}]
+    with pytest.raises(ValueError, match="row_noise is listed twice"):
+        Vis(camera="sony_imx174", effects=twice)
+    for part in (Vis, White):
+        with pytest.raises(ValueError, match="is empty; expected a camera"):
+            part(camera=[])

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,10 +10,11 @@ import yaml
 
 from visaug.core.errors import InputError
 from visaug_train.commands import evaluate_predictions
-from visaug_train.geometry import Keypoints, project_targets
-from visaug_train.predictions import ImageNames, names_elsewhere
+from visaug_train.geometry import Keypoints, Pinhole, project_targets
+from visaug_train.metrics import Detections
+from visaug_train.predictions import ImageNames, load_predictions, names_elsewhere, save_predictions
 from visaug_train.readings import which_block
-from visaug_train.speed import read_poses
+from visaug_train.speed import PoseSet, read_poses
 
 TANGO = Keypoints.load()
 
@@ -142,6 +144,7 @@ def test_keypoints_of_ones_own_with_their_sigmas(rendered, tmp_path):
         ({"sigmas": {"nose": 0.1}}, "sigmas: expected 5"),
         ({"flip_pairs": [["left", "wing"]]}, "is no pair of points"),
         ({"flip_pairs": [[0, 1], [1, 2]]}, "is no pair of points"),
+        ({"sigma": [0.1] * 5}, "sigma: is not a key of keypoints"),
     ],
 )
 def test_a_keypoint_file_is_checked(tmp_path, more, message):
@@ -247,3 +250,70 @@ def test_images_without_labels_give_a_submission(rendered, tmp_path):
     np.testing.assert_allclose(found[0], [1, 0, 0, 0, *np.median(found[1:, 4:], axis=0)], rtol=1e-6)
     again = evaluate_predictions(tmp_path / "sub.csv", rendered, "lightbox")["lightbox"]
     assert again["poses_found"] == 1
+
+
+def of_two_domains(count):
+    """A set of `count` images, the names of which another domain has too, and a record of each of both."""
+    root, names = Path("plus"), [f"img{i:06d}.jpg" for i in range(count)]
+    files = {d: [root / d / "images" / name for name in names] for d in ("lightbox", "sunlamp")}
+    unknown = np.full((count, 7), np.nan)
+    camera = Pinhole(160, 100, np.eye(3), np.zeros(5))
+    poses = PoseSet("lightbox/test", camera, tuple(files["lightbox"]), unknown[:, :4], unknown[:, 4:])
+    made = [{"file_name": name, "keypoints": [5, 5, 1] * 11, "score": 0.9} for name in names]
+    return made, poses, ImageNames(poses, {"sunlamp/test": files["sunlamp"]}, root)
+
+
+def loaded(tmp_path, content, poses, names):
+    (tmp_path / "p.json").write_text(json.dumps(content))
+    notes = []
+    return load_predictions(tmp_path / "p.json", poses, 11, names=names, say=notes.append), notes
+
+
+def test_a_list_that_starts_over_is_of_several_domains(tmp_path):
+    made, poses, names = of_two_domains(12)
+    with pytest.raises(InputError, match="record 12: the names start over, as those of lightbox, sunlamp do"):
+        loaded(tmp_path, made + made, poses, names)
+    named = [r | {"file_name": f"{d}/{r['file_name']}"} for d in ("lightbox", "sunlamp") for r in made]
+    found, notes = loaded(tmp_path, named, poses, names)
+    assert ({len(each) for each in found}, notes) == ({1}, [])
+
+
+@pytest.mark.parametrize("order", ["by image", "by score"])
+def test_several_detections_of_an_image_are_taken_and_said_where_they_may_be_of_two_domains(tmp_path, order):
+    made, poses, names = of_two_domains(12)
+    twice = [record for record in made for _ in range(2)]
+    if order == "by score":
+        twice = [twice[i] for i in np.random.default_rng(0).permutation(len(twice))]
+    found, (note,) = loaded(tmp_path, twice, poses, names)
+    assert {len(each) for each in found} == {2}
+    assert (
+        "12 images have several records, all taken for detections in lightbox; sunlamp has the same names"
+        in note
+    )
+    assert loaded(tmp_path, twice, poses, ImageNames(poses))[1] == []
+
+
+def test_names_of_another_part_of_the_domain_are_counted(rendered, tmp_path):
+    """SPEED's one list is split by the seed, that of --seed as that of a config."""
+    root = tmp_path / "speed"
+    source = read_poses(rendered, "synthetic", "train")
+    (root / "images").mkdir(parents=True)
+    shutil.copytree(source.files[0].parent, root / "images" / "train")
+    shutil.copy(rendered / "camera.json", root)
+    shutil.copy(rendered / "synthetic" / "train.json", root)
+    own = read_poses(root, "speed", "test", seed=1)
+    targets = own.targets(TANGO)
+    save_predictions(
+        tmp_path / "p.json",
+        own,
+        [
+            Detections(box[None], points[None], np.ones((1, 11)), np.ones(1))
+            for box, points in zip(targets.boxes, targets.points)
+        ],
+    )
+    scores = evaluate_predictions(tmp_path / "p.json", root, "speed", seed=1)["speed"]
+    assert (scores["poses_found"], scores["notes"]) == (1, [])
+    other = set(own.ids) - set(read_poses(root, "speed", "test", seed=0).ids)
+    assert other
+    notes = evaluate_predictions(tmp_path / "p.json", root, "speed")["speed"]["notes"]
+    assert f"other images of speed than those of speed/test were passed over: {len(other)}" in notes[0]

@@ -1,5 +1,6 @@
 """Robustness curves with a network of known law: its points are off by the noise that it finds in an image."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,7 +11,7 @@ from visaug.camera import Camera
 from visaug.core.errors import InputError
 from visaug_train.geometry import Keypoints
 from visaug_train.metrics import Detections
-from visaug_train.severity import points_of, severity
+from visaug_train.severity import _taken, points_of, severity
 from visaug_train.speed import PoseSet, read_poses
 
 TANGO = Keypoints.load()
@@ -94,3 +95,14 @@ def test_one_thing_changes_at_a_time() -> None:
     assert at["row_noise", 10.0]["row_noise.sigma_e"] == pytest.approx(20.0)
     with pytest.raises(InputError, match="--curve: hot_pixels has no curve; expected one of gain_db"):
         points_of(camera, ["hot_pixels"])
+
+
+def test_images_that_differ_in_suffix_alone_stay_two(rendered: Path, tmp_path: Path) -> None:
+    poses = read_poses(rendered, "synthetic", "test").select(np.arange(2))
+    files = (tmp_path / "a.png", tmp_path / "a.jpg")
+    for level, file in enumerate(files):
+        cv2.imwrite(str(file), np.full((100, 160), 100 * level + 20, np.uint8))
+    (point, *_) = points_of(CAMERA, ["gain_db"])
+    taken = _taken(replace(poses, files=files), point, tmp_path / "out", 0)
+    means = [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE).mean() for file in taken.files]
+    assert means == pytest.approx([20, 120], abs=3)

@@ -303,3 +303,17 @@ def test_tuning_trains_with_the_noise_of_the_callback(data_yaml, tmp_path):
     assert engine.MultiTrainer is sweep
     with pytest.raises(visaug.core.errors.InputError, match="use_ray"):
         model.tune(use_ray=True)
+
+
+def test_a_module_that_works_in_place_leaves_the_padding():
+    class InPlace(nn.Module):
+        def forward(self, images):
+            return images.mul_(0.5)
+
+    extent = torch.zeros(1, 8, 8, dtype=torch.bool)
+    extent[:, 2:6] = True
+    images = torch.full((1, 3, 8, 8), 0.5)
+    noisy = noised({"img": images.clone(), "extent": list(extent)}, InPlace())["img"]
+    assert (noisy[:, :, 2:6] == 0.25).all()
+    assert (noisy[:, :, :2] == 0.5).all()
+    assert (noisy[:, :, 6:] == 0.5).all()

@@ -67,18 +67,18 @@ def keypoints_of(source: str | Path, poses: PoseSet) -> Keypoints:
     return Keypoints.load(source)
 
 
-def names_of(root: str | Path) -> dict[str, set[str]]:
-    """File names of the images by domain/split."""
+def files_of(root: str | Path) -> dict[str, set[Path]]:
+    """Files of the images by domain/split."""
     reader, root = reader_of(root), Path(root)
     if reader is not None:
         return {
-            f"{domain}/{split}": {file.name for file in reader.read(root, domain, split).files}
+            f"{domain}/{split}": set(reader.read(root, domain, split).files)
             for domain, splits in reader.domains(root).items()
             for split in splits
         }
     found = {}
-    for name, (listing, _) in speed.listings(root).items():
+    for name, (listing, images) in speed.listings(root).items():
         records = read_json(listing)
         records = records if isinstance(records, list) else []
-        found[name] = {str(record.get("filename")) for record in records if isinstance(record, dict)}
+        found[name] = {images / str(record.get("filename")) for record in records if isinstance(record, dict)}
     return found

@@ -41,6 +41,8 @@ def _read(root: Path, domain: str, split: str) -> PoseSet:
         poses, details = scene / "scene_gt.json", scene / "scene_gt_info.json"
         cameras, images = _table(listing), _images(scene)
         truths, infos = (_table(file) if file.is_file() else {} for file in (poses, details))
+        if wrong := [key for key in cameras if not _is_number(key)]:
+            raise InputError("is no image's number", file=listing, field=wrong[0], expected="0, 1, ...")
         for key in sorted(cameras, key=int):
             if int(key) not in images:
                 expected = f"{scene}/rgb"
@@ -52,7 +54,11 @@ def _read(root: Path, domain: str, split: str) -> PoseSet:
                 raise InputError("differs", file=listing, field=field, expected="one camera in the set")
             row = np.full(16, np.nan)  # rotation, translation, and the visible part's box as x0 y0 x1 y1
             if (truth := _only(truths.get(key, []), poses, key)) is not None:
-                objects.add(truth.get("obj_id"))
+                number = str(truth.get("obj_id"))
+                if not _is_number(number):
+                    field = f"{key}.obj_id"
+                    raise InputError("is no object's number", file=poses, field=field, expected="1, 2, ...")
+                objects.add(int(number))
                 row[:9] = numbers_of(truth, "cam_R_m2c", 9, poses, key)
                 row[9:12] = numbers_of(truth, "cam_t_m2c", 3, poses, key) / 1000
             if "bbox_visib" in (info := _only(infos.get(key, []), details, key) or {}):
@@ -80,7 +86,7 @@ def _read(root: Path, domain: str, split: str) -> PoseSet:
     )
 
 
-def _corners(root: Path, number: Any) -> Keypoints | None:
+def _corners(root: Path, number: int) -> Keypoints | None:
     """The corners of the model's bounding box, metres."""
     file = next(iter(sorted(root.glob("models*/models_info.json"))), None)
     if file is None:
@@ -95,17 +101,21 @@ def _corners(root: Path, number: Any) -> Keypoints | None:
     )
     corners = np.array(list(product((0, 1), repeat=3)))
     names = tuple("corner_" + "".join(map(str, corner)) for corner in corners)
-    return Keypoints(f"obj_{int(number):06d}", names, (low + corners * size) / 1000)
+    return Keypoints(f"obj_{number:06d}", names, (low + corners * size) / 1000)
 
 
 def _images(scene: Path) -> dict[int, Path]:
     """The images of a scene by their number."""
     for kind in ("rgb", "gray"):
         files = sorted(scene.glob(f"{kind}/*"))
-        found = {int(f.stem): f for f in files if f.suffix.lower() in SUFFIXES and f.stem.isdigit()}
+        found = {int(f.stem): f for f in files if f.suffix.lower() in SUFFIXES and _is_number(f.stem)}
         if found:
             return found
     raise InputError("holds no images", file=scene, expected="rgb/000000.png or gray/000000.png")
+
+
+def _is_number(text: str) -> bool:
+    return text.isdecimal() and len(text) < 20
 
 
 def _table(file: Path) -> dict[str, Any]:

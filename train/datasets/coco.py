@@ -54,6 +54,8 @@ def _read(root: Path, domain: str, split: str) -> PoseSet:
     sizes = set()
     for number, image in enumerate(images):
         try:
+            if not isinstance(image["id"], int | str):
+                raise TypeError
             rows[image["id"]] = number
             sizes.add((int(image["width"]), int(image["height"])))
             str.strip(image["file_name"])
@@ -68,16 +70,22 @@ def _read(root: Path, domain: str, split: str) -> PoseSet:
     boxes, points = np.full((len(images), 4), np.nan), np.zeros((len(images), len(keypoints), 3))
     for number, entry in enumerate(content["annotations"]):
         where = f"annotations.{number}"
-        if not isinstance(entry, dict) or entry.get("image_id") not in rows:
+        image = entry.get("image_id") if isinstance(entry, dict) else None
+        if not isinstance(image, int | str) or image not in rows:
             field = f"{where}.image_id"
             raise InputError("names no image", file=listing, field=field, expected="an id of images")
         if entry.get("category_id") != category or entry.get("iscrowd"):
             continue
-        row = rows[entry["image_id"]]
+        row = rows[image]
         if np.isfinite(boxes[row]).any():
             problem = "is a second target of its image"
             raise InputError(problem, file=listing, field=where, expected="one an image")
         x, y, width, height = numbers_of(entry, "bbox", 4, listing, where)
+        if width < 0 or height < 0:
+            field = f"{where}.bbox"
+            raise InputError(
+                "a width or height is negative", file=listing, field=field, expected="x, y, w, h"
+            )
         boxes[row] = x, y, x + width, y + height
         points[row] = numbers_of(entry, "keypoints", points[row].size, listing, where).reshape(-1, 3)
     unknown = np.full((len(images), 7), np.nan)
@@ -85,7 +93,8 @@ def _read(root: Path, domain: str, split: str) -> PoseSet:
     camera = Pinhole(*sizes.pop(), np.eye(3), np.zeros(5))
     files = _located(root, word, [image["file_name"] for image in images], listing)
     poses = PoseSet(f"{domain}/{split}", camera, files, unknown[:, :4], unknown[:, 4:], keypoints, boxes)
-    return replace(poses, points=points, spacecraft=keypoints.name)
+    annotated = bool(np.isfinite(boxes).any())  # else the list is one of images alone, as of a test set
+    return replace(poses, points=points if annotated else None, spacecraft=keypoints.name)
 
 
 def _model(categories: list[Any], file: Path) -> tuple[Keypoints, Any]:
@@ -103,7 +112,7 @@ def _model(categories: list[Any], file: Path) -> tuple[Keypoints, Any]:
             field = "categories.sigmas"
             raise InputError("must be above 0", file=file, field=field, expected="one number a point")
     if flip is not None:
-        if not isinstance(flip, list) or sorted(flip) != list(range(len(names))):
+        if not isinstance(flip, list) or sorted(map(repr, flip)) != sorted(map(repr, range(len(names)))):
             problem, field = "is no order of the points", "categories.flip_idx"
             raise InputError(problem, file=file, field=field, expected="numbers from 0")
         flip = tuple(flip)

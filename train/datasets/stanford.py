@@ -40,8 +40,11 @@ def _read_shirt(root: Path, domain: str, split: str) -> PoseSet:
 
 def _spe3r_domains(root: Path) -> dict[str, tuple[str, ...]]:
     file = root / "splits.csv"
-    with file.open(newline="", encoding="utf-8") as opened:
-        rows = [[cell.strip() for cell in row] for row in csv.reader(opened) if row]
+    try:
+        with file.open(newline="", encoding="utf-8-sig") as opened:
+            rows = [[cell.strip() for cell in row] for row in csv.reader(opened) if row]
+    except (UnicodeDecodeError, csv.Error):
+        raise InputError("is no CSV text", file=file, expected="spacecraft,train in UTF-8") from None
     if not all(len(row) == 2 and row[1] in ("train", "test") for row in rows):
         expected = "spacecraft,train or spacecraft,test on each line"
         raise InputError("is malformed", file=file, expected=expected)
@@ -59,7 +62,11 @@ def _read_spe3r(root: Path, domain: str, split: str) -> PoseSet:
     poses = replace(every, name=f"{domain}/{split}", files=files, spacecraft=domain)
     if split == "test":
         return poses
-    numbers = np.array([int(file.stem.removeprefix("img") or 0) for file in files])
+    stems = [file.stem.removeprefix("img") for file in files]
+    if unnumbered := [f.name for f, stem in zip(files, stems) if not (stem.isdecimal() and len(stem) < 10)]:
+        problem = f"{unnumbered[0]} has no number, by which images train or validate"
+        raise InputError(problem, file=folder / "labels.json", field="filename", expected="img000001")
+    numbers = np.array([int(stem) for stem in stems])
     held_out = ((numbers > 400) & (numbers <= 500)) | (
         (numbers > 900) & (numbers <= 1000)
     )  # the authors' loader

@@ -186,6 +186,8 @@ def evaluate(
         raise InputError("go with --predictions", field="--images and --keypoints", expected="no CONFIG")
     if config_path is not None and data is None and (poses_csv or split):
         raise InputError("go with --data", field="--poses and --split", expected="--data and --domain")
+    if predictions is not None and arm is not None:
+        raise InputError("goes with CONFIG", field="--arm", expected="no --predictions")
     if (curves or output) and severity_camera is None:
         raise InputError("go with --severity", field="--curve and --output", expected="--severity CAMERA")
     may_write(poses_csv, force)
@@ -215,7 +217,7 @@ def evaluate(
         else:
             assert predictions is not None and data is not None and domain is not None  # noqa: PT018 - see above
             scores = commands.evaluate_predictions(
-                predictions, data, domain, keypoints, split, images, poses_csv
+                predictions, data, domain, keypoints, split, images, poses_csv, seed
             )
     for name, each in scores.items():
         for note in each.get("notes", ()):
