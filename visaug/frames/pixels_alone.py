@@ -7,11 +7,8 @@ from pathlib import Path
 
 from visaug.core.errors import InputError
 from visaug.frames.frameset import FrameSet
-from visaug.frames.record import FrameRecord
 from visaug.frames.stores import FileStore
 from visaug.frames.survey import survey
-
-_UNKNOWN = ("exposure_s", "kind")  # fields without which a frame set cannot be measured, but can be looked at
 
 
 def load_pixels(path: str | Path, bit_depth: int | None = None) -> FrameSet:
@@ -31,22 +28,16 @@ def load_pixels(path: str | Path, bit_depth: int | None = None) -> FrameSet:
         return frames
     except InputError as refused:
         stacked = refused.problem.startswith("has shape")
-        if refused.field not in _UNKNOWN and not stacked:
+        # Without a kind or an exposure a frame set cannot be measured, but can be looked at.
+        if path.suffix.lower() == ".csv" or not (stacked or refused.field in ("exposure_s", "kind")):
             raise
         root, files = (path.parent, [path]) if path.is_file() else (path, None)
-        if path.suffix.lower() == ".csv":
-            raise
-        records = _records(root, files)
+        seen = survey(root, {"exposure_s": 1.0}, files=files)
+        for row in seen.rows:
+            row["kind"] = row["kind"] or "image"
+        records = [replace(record, exposure_s=0.0) for record in seen.records()]
         if stacked and len(records) < 2:
             raise
-    store = FileStore(records, root, None, bit_depth, None, None, [])
-    found = FrameSet(records, store)
+    found = FrameSet(records, FileStore(records, root, None, bit_depth, None, None, []))
     found.loaded_from = path
     return found
-
-
-def _records(root: Path, files: list[Path] | None) -> list[FrameRecord]:
-    found = survey(root, {"exposure_s": 1.0}, files=files)
-    for row in found.rows:
-        row["kind"] = row["kind"] or "image"
-    return [replace(record, exposure_s=0.0) for record in found.records()]

@@ -11,8 +11,7 @@ from visaug.augment.image_io.png import KORNIA_MODES
 from visaug.augment.image_io.transfer import Hints, transfer_of
 from visaug.core.errors import InputError
 from visaug.core.extras import extra
-from visaug.frames.limits import check_shape
-from visaug.frames.tiff import opened
+from visaug.frames.limits import check_shape, opened_tiff
 
 RESOLUTION = (282, 283, 296)  # along x, along y, unit: the writer takes them apart from other tags
 # Tags that say how the pixels lie in the file, which the writer sets; and folders of tags, which hold places in the
@@ -36,7 +35,7 @@ def read_tiff(path: Path) -> Picture:
     with extra(path):
         from tifffile import PHOTOMETRIC, TIFF
 
-    with opened(path) as file:
+    with opened_tiff(path) as file:
         if len(file.pages) != 1:
             raise InputError(
                 f"holds {len(file.pages)} pages", file=path, expected="a single picture in a file"
