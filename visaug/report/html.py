@@ -61,12 +61,15 @@ class Figure:
         return path
 
 
+Block = Text | Table | Figure
+
+
 @dataclass(frozen=True)
 class Section:
     """A heading and its content."""
 
     title: str
-    blocks: Sequence[Text | Table | Figure] = field(default_factory=list)
+    blocks: Sequence[Block] = field(default_factory=list)
 
     @property
     def anchor(self) -> str:
@@ -99,26 +102,17 @@ def figure(
     drawn: "MatplotlibFigure", caption: str, alt: str = "", *, wide: bool = True, raster: bool = False
 ) -> Figure:
     """A drawn figure for a page: SVG for curves, PNG (`raster`) where it holds images or many points."""
-    buffer = io.BytesIO()
-    if raster:
-        drawn.savefig(buffer, format="png", dpi=140, bbox_inches="tight", pad_inches=0.06)
-        mime = "image/png"
-    else:
-        # No date and fixed ids, so that the same data give the same bytes.
-        with extra():
-            import matplotlib as mpl
+    with extra():
+        import matplotlib as mpl
 
-        with mpl.rc_context({"svg.hashsalt": "visaug", "svg.fonttype": "path"}):
-            drawn.savefig(
-                buffer,
-                format="svg",
-                metadata={"Date": None, "Creator": None},
-                bbox_inches="tight",
-                pad_inches=0.06,
-            )
-        mime = "image/svg+xml"
+    buffer = io.BytesIO()
+    # No date and fixed ids, so that the same data give the same bytes.
+    of_svg, of_png = {"metadata": {"Date": None, "Creator": None}}, {"dpi": 140}
+    kind, mime, more = ("png", "png", of_png) if raster else ("svg", "svg+xml", of_svg)
+    with mpl.rc_context({"svg.hashsalt": "visaug", "svg.fonttype": "path"}):
+        drawn.savefig(buffer, format=kind, **more, bbox_inches="tight", pad_inches=0.06)
     content = base64.b64encode(buffer.getvalue()).decode("ascii")
-    return Figure(f"data:{mime};base64,{content}", caption, alt or caption, wide)
+    return Figure(f"data:image/{mime};base64,{content}", caption, alt or caption, wide)
 
 
 @cache

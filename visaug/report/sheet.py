@@ -23,15 +23,11 @@ Row = tuple[str, str, str, float]  # name on the sheet, symbol, key, factor for 
 def _split(release: str, what: str, symbols: bool = True) -> tuple[Row, ...]:
     """The parts of a nonuniformity."""
     unit, factor = ("_e", 1) if what == "DSNU" else ("", 100)
-    return tuple(
-        (
-            f"{what} of {part}s",
-            f"{what}.{symbol}" if symbols else "",
-            f"{release}.{what.lower()}_{part}{unit}",
-            factor,
-        )
-        for part, symbol in (("row", "row"), ("column", "col"), ("pixel", "pixel"))
-    )
+    rows = []
+    for part, symbol in (("row", "row"), ("column", "col"), ("pixel", "pixel")):
+        key = f"{release}.{what.lower()}_{part}{unit}"
+        rows.append((f"{what} of {part}s", f"{what}.{symbol}" if symbols else "", key, factor))
+    return tuple(rows)
 
 
 # A heading and its rows.
@@ -100,11 +96,8 @@ def write_sheet(path: str | Path, points: Sequence[OperatingPoint], frames: Fram
 
 def sheet_json(points: Sequence[OperatingPoint]) -> dict[str, Any]:
     """The sheet's content for programs: figures with intervals and the arrays of every plot."""
-    return {
-        "schema": 1,
-        "standard": "EMVA 1288 release 4.0 Linear",
-        "operating_points": [p.to_json() for p in points],
-    }
+    content = [point.to_json() for point in points]
+    return {"schema": 1, "standard": "EMVA 1288 release 4.0 Linear", "operating_points": content}
 
 
 def _point(point: OperatingPoint) -> dict[str, Any]:
@@ -158,7 +151,7 @@ def _defects(result: Characterization, what: str) -> dict[str, Any] | None:
 
 def _figures(result: Characterization) -> list[Figure]:
     return [
-        figure(draw(result), title, f"{title}. {shown}", wide=False)
+        figure(draw(result), title, f"{title}. {shown or draw.__doc__}", wide=False)
         for title, shown, curve, needs, draw in FIGURES
         if curve in result.curves and len(next(iter(result.curves[curve].values())))
         if all(name in result.parameters for name in needs)

@@ -12,6 +12,7 @@ from visaug.report.headline import (
     comparison_headline,
     diagnosis_details,
     diagnosis_headline,
+    entry_text,
     where_rows,
 )
 from visaug.report.next_step import NextStep
@@ -25,10 +26,7 @@ def print_characterization(result: dict[str, Any], camera_file: str | None) -> N
     headline = characterization_headline(result, camera_file)
     if headline:
         click.echo(headline)
-    rows = [
-        [name, with_interval(e["value"], e.get("low"), e.get("high")), e["unit"], e["from"]]
-        for name, e in result["parameters"].items()
-    ]
+    rows = [[name, entry_text(e, ""), e["unit"], e["from"]] for name, e in result["parameters"].items()]
     print_table(["parameter", "value [95 % interval]", "unit", "source"], rows)
     needed: dict[str, list[str]] = {}
     for entry in result["not_determined"]:

@@ -102,7 +102,7 @@ def plan(
             raise InputError("names no effect", field="--for", expected="for example row_noise,smear")
         with progress_bars(single=True) as progress:
             from visaug.diagnosis.planned import before_frames
-            from visaug.report.verdict_text import planned_text
+            from visaug.report.headline import planned_text
 
             found = before_frames(load_camera(camera_name), names, progress)
         for verdict in found:

@@ -10,10 +10,9 @@ from visaug.characterization.alarms import all_warnings
 from visaug.core.wording import number, p_text, share_text, statistic_text, with_interval
 from visaug.diagnosis import Diagnosis, FittedValue
 from visaug.effects import Parameter
-from visaug.report.headline import diagnosis_headline, view_title
+from visaug.report.headline import diagnosis_headline, verdict_row, view_title
 from visaug.report.next_step import PICTURES, NextStep, after_comparison, after_diagnosis
 from visaug.report.pages import described, unit_text
-from visaug.report.verdict_text import verdict_row
 from visaug.statistics import VIEWS
 from visaug.statistics.distance import Error
 from visaug.statistics.places import Place

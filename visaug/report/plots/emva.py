@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -44,10 +44,8 @@ def sensitivity(result: Characterization) -> Figure:
     photons, signal = c["photons"], c["mean_dn"] - c["dark_mean_dn"]
     last, top = int(c["last_fitted"][0]), int(c["saturation"][0])
     axes.plot(photons, signal, ".", color=_POINT, label="measured")
-    slope = result["emva4.responsivity_dn_per_photon"].value
-    axes.plot(
-        photons[[0, last]], slope * photons[[0, last]], color=_LINE, label=f"fit, {slope:.4g} DN/photon"
-    )
+    slope, ends = result["emva4.responsivity_dn_per_photon"].value, photons[[0, last]]
+    axes.plot(ends, slope * ends, color=_LINE, label=f"fit, {slope:.4g} DN/photon")
     if top >= 0:
         axes.axvline(photons[top], color=_SOFT, linestyle="--", linewidth=1, label="saturation")
     return _finish(figure, axes, "photons per pixel", "signal above dark (DN)")
@@ -169,34 +167,30 @@ def _accumulated(what: str, unit: str, result: Characterization) -> Figure:
     return _finish(figure, axes, f"deviation from the mean, at least ({unit})", "share of pixels (%)")
 
 
-# Title, what the figure shows, the curve and the parameters that it needs, the function.
-FIGURES: list[tuple[str, str | None, str, tuple[str, ...], Callable[[Characterization], Figure]]] = [
-    (title, draw.__doc__, curve, needs, draw)
-    for title, curve, needs, draw in (
-        ("Sensitivity", "emva4_sweep", ("emva4.responsivity_dn_per_photon",), sensitivity),
-        ("Photon transfer", "emva4_sweep", ("emva.system_gain_dn_per_e",), photon_transfer),
-        ("SNR", "emva4_sweep", ("emva.quantum_efficiency", "emva.dark_noise_dn"), snr),
-        ("Deviation from linearity", "emva4_linearity", (), linearity),
-    )
+_Drawing = Callable[["Characterization"], "Figure"]
+# Title, what the figure shows (None: as the function says), the curve and the parameters that it needs, the function.
+FIGURES: list[tuple[str, str | None, str, tuple[str, ...], _Drawing]] = [
+    ("Sensitivity", None, "emva4_sweep", ("emva4.responsivity_dn_per_photon",), sensitivity),
+    ("Photon transfer", None, "emva4_sweep", ("emva.system_gain_dn_per_e",), photon_transfer),
+    ("SNR", None, "emva4_sweep", ("emva.quantum_efficiency", "emva.dark_noise_dn"), snr),
+    ("Deviation from linearity", None, "emva4_linearity", (), linearity),
 ]
-for _way, _shown, _key, _label in (
+for _title, _shown, *_of in (
     ("mean", "Dark signal against exposure.", "mean_dn", "mean dark signal (DN)"),
     ("variance", "Temporal variance of dark frames against exposure.", "variance_dn2", "dark variance (DN²)"),
 ):
-    FIGURES.append((f"Dark current from the {_way}", _shown, "emva4_dark", (), partial(_dark, _key, _label)))
-_drawn: list[tuple[str, str, Callable[..., Any]]] = [
-    (f"{{}} {kind}, {way}", f"{way.capitalize()} {shown}.", partial(draw, way))
-    for kind, shown, draw in (
-        ("spectrogram", "spectrogram of the {}", _spectrogram),
-        ("profile", "profiles of the map that the {} is measured on", _profile),
-    )
-    for way in ("horizontal", "vertical")
-]
-_drawn += [
-    ("{} histogram", "Logarithmic histogram of the {}.", _histogram),
-    ("{} histogram, accumulated", "Accumulated logarithmic histogram of the {}.", _accumulated),
-]
-for _title, _shown, _draw in _drawn:
-    for _what, _unit in (("dsnu", "e-"), ("prnu", "%")):
-        _name, _made = _what.upper(), partial(_draw, _what, _unit)
-        FIGURES.append((_title.format(_name), _shown.format(_name), f"emva4_{_what}", (), _made))
+    FIGURES.append((f"Dark current from the {_title}", _shown, "emva4_dark", (), partial(_dark, *_of)))
+_profiles = "{} profiles of the map that the {{}} is measured on."
+for _title, _shown, _draw in (
+    ("spectrogram, horizontal", "Horizontal spectrogram of the {}.", partial(_spectrogram, "horizontal")),
+    ("spectrogram, vertical", "Vertical spectrogram of the {}.", partial(_spectrogram, "vertical")),
+    ("profile, horizontal", _profiles.format("Horizontal"), partial(_profile, "horizontal")),
+    ("profile, vertical", _profiles.format("Vertical"), partial(_profile, "vertical")),
+    ("histogram", "Logarithmic histogram of the {}.", _histogram),
+    ("histogram, accumulated", "Accumulated logarithmic histogram of the {}.", _accumulated),
+):
+    for _what, _unit in (("DSNU", "e-"), ("PRNU", "%")):
+        _key = _what.lower()
+        FIGURES.append(
+            (f"{_what} {_title}", _shown.format(_what), f"emva4_{_key}", (), partial(_draw, _key, _unit))
+        )
