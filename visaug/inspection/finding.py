@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypedDict
 
@@ -11,9 +12,9 @@ from scipy import stats
 
 from visaug.core.intervals import Z
 
-FAMILY = 0.01  # probability that any finding at all is named in frames without patterns
-TESTS = 40  # decisions about one group of frames, all detectors together
-ALPHA = FAMILY / TESTS  # of one decision; each divides it further by the places that it looks at
+# Probability that any finding at all is named in frames without patterns, over the decisions about one group of frames, all
+# detectors together; each divides it further by the places that it looks at.
+ALPHA = 0.01 / 40
 
 
 class Size(TypedDict):
@@ -63,12 +64,25 @@ class Finding:
 
     def to_json(self) -> dict[str, Any]:
         """The keys of the program's JSON; figures with six digits."""
-        values = {
-            name: getattr(self, name)
-            for name in ("what", "kind", "amplitude_dn", "low", "high", "period", "share", "axis", "nature")
-        }
-        values |= {"text": self.text, "details": self.details}
-        return {name: rounded(value) for name, value in values.items()}
+        names = (
+            "what",
+            "kind",
+            "amplitude_dn",
+            "low",
+            "high",
+            "period",
+            "share",
+            "axis",
+            "nature",
+            "text",
+            "details",
+        )
+        return {name: rounded(getattr(self, name)) for name in names}
+
+
+def some(items: Sequence[object], most: int) -> str:
+    """The first of a list, and three dots where there are more."""
+    return ", ".join(map(str, items[:most])) + (" ..." if len(items) > most else "")
 
 
 def rounded(value: Any) -> Any:
@@ -104,11 +118,7 @@ def needed_z(trials: float = 1.0) -> float:
 
 def about(value: float, error: float) -> Size:
     """Amplitude and interval from a value and its standard error; an amplitude is not negative."""
-    return {
-        "amplitude_dn": value,
-        "low": max(value - Z * error, 0.0),
-        "high": value + Z * error,
-    }
+    return {"amplitude_dn": value, "low": max(value - Z * error, 0.0), "high": value + Z * error}
 
 
 def deviation(mean_square: float, freedom: float, floor: float) -> Size:

@@ -1,15 +1,53 @@
-"""What kind each frame is: by headers and tables, by names, else by its level and structure."""
+"""Frames of which only the pixels are wanted, and the kind of each: by tables, headers and names, else by level and structure."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 
+from visaug.core.errors import InputError
 from visaug.frames import FrameSet
 from visaug.frames.dark_folder import named_kinds, shows_a_scene
+from visaug.frames.stores import FileStore
+from visaug.frames.survey import survey
 from visaug.statistics.reduction import block_means, edges
 
 
-def kinds_of(frames: FrameSet, shift: int = 0) -> tuple[list[str], str]:
+def load_pixels(path: str | Path, bit_depth: int | None = None) -> FrameSet:
+    """The frame set at a path as `FrameSet.load` reads it, or without exposures and kinds where it refuses to for lack of them.
+
+    A file or folder of stacks (`.npy`, TIFF, FITS, `.npz`, HDF5) gives all frames of the stacks; frames of unknown kind
+    are of kind `image`, and unknown exposures are 0.
+
+    Raises:
+        InputError: there are no frames, or they cannot be read.
+    """
+    path = Path(path)
+    try:
+        frames = FrameSet.load(path, None, bit_depth)
+        if frames.is_pictures and len(frames):
+            frames.shape(0)
+        return frames
+    except InputError as refused:
+        stacked = refused.problem.startswith("has shape")
+        # Without a kind or an exposure a frame set cannot be measured, but can be looked at.
+        if path.suffix.lower() == ".csv" or not (stacked or refused.field in ("exposure_s", "kind")):
+            raise
+        root, files = (path.parent, [path]) if path.is_file() else (path, None)
+        seen = survey(root, {"exposure_s": 1.0}, files=files)
+        for row in seen.rows:
+            row["kind"] = row["kind"] or "image"
+        records = [replace(record, exposure_s=0.0) for record in seen.records()]
+        if stacked and len(records) < 2:
+            raise
+    found = FrameSet(records, FileStore(records, root, None, bit_depth, None, None, []))
+    found.loaded_from = path
+    return found
+
+
+def kinds_of(frames: FrameSet, shift: int) -> tuple[list[str], str]:
     """The kind of each frame, and the sources that told it. Pixel values are shifted left by `shift` bits."""
     told = [None if r.kind == "image" else r.kind for r in frames.records]
     named = named_kinds(frames.records)
@@ -41,8 +79,8 @@ def _by_level(frames: FrameSet, unknown: list[int], shift: int) -> dict[int, str
         if shows_a_scene(frame):
             still = before is not None and before.shape == frame.shape and _same(before, frame)
             found[i] = "scene" if still else "image"
-            if still:
-                found.update({k: "scene" for k in found if found[k] == "image" and k == i - 1})
+            if still and found.get(i - 1) == "image":
+                found[i - 1] = "scene"
             before = frame
         else:
             found[i] = "flat" if float(np.median(frame)) > lit * scale else "dark"

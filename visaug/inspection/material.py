@@ -53,6 +53,16 @@ class FrameGroup:
     def is_lit(self) -> bool:
         return self.kind not in ("bias", "dark")
 
+    @property
+    def fixed(self) -> str | None:
+        """The kind of a fixed pattern; None where one frame alone cannot tell it from a new one."""
+        return "fixed" if self.count > 1 else None
+
+    @property
+    def new(self) -> str | None:
+        """The kind of a pattern that is new in each frame, in the same way."""
+        return "per_frame" if self.count > 1 else None
+
     @cached_property
     def raw(self) -> GroupData:
         """The frames as they are."""
@@ -126,7 +136,7 @@ def _beyond(pixels: np.ndarray) -> np.ndarray:
 
 
 def looks(
-    frames: FrameSet, kinds: list[str], guessed: bool = False, shift: int = 0
+    frames: FrameSet, kinds: list[str], guessed: bool, shift: int
 ) -> tuple[list[FrameGroup], list[str]]:
     """The frames by kind, conditions, size and level, the largest group first; and notes on what was left out.
 
@@ -164,18 +174,11 @@ def looks(
                     f"fractions: the frames hold fractions of 1; sizes are given for {full_scale:.0f} DN"
                 )
             for part in _levels(stack, group.kind):
-                members = [indices[k] for k in part]
-                distinct = _distinct(stack[part])
-                found.append(
-                    FrameGroup(
-                        group.kind,
-                        replace(group, indices=tuple(members)),
-                        stack[part][distinct],
-                        len(part) - len(distinct),
-                        frames.told_bits,
-                        guessed,
-                    )
-                )
+                own = replace(group, indices=tuple(indices[k] for k in part))
+                first = {frame.tobytes(): k for k, frame in reversed(list(enumerate(stack[part])))}
+                kept = stack[part][sorted(first.values())]  # without copies of an earlier frame
+                copies = len(part) - len(kept)
+                found.append(FrameGroup(group.kind, own, kept, copies, frames.told_bits, guessed))
     return sorted(found, key=lambda look: -look.count), notes
 
 
@@ -185,17 +188,7 @@ def _levels(stack: np.ndarray, kind: str) -> list[list[int]]:
     if kind not in ("flat", "dark", "bias") or len(means) < 3:
         return [list(range(len(means)))]
     order = np.argsort(means)
-    spread = np.median(stack[0].std(dtype=np.float64))
-    jump = (
-        max(0.1 * float(np.median(means)), 3 * float(spread)) if kind == "flat" else 20 * float(spread) + 20
-    )
+    spread = float(stack[0].std(dtype=np.float64))
+    jump = max(0.1 * float(np.median(means)), 3 * spread) if kind == "flat" else 20 * spread + 20
     parts = np.split(order, np.flatnonzero(np.diff(means[order]) > jump) + 1)
     return [sorted(int(k) for k in part) for part in parts]
-
-
-def _distinct(stack: np.ndarray) -> list[int]:
-    """Positions of frames that are no copies of an earlier one."""
-    seen: dict[bytes, int] = {}
-    for k, frame in enumerate(stack):
-        seen.setdefault(frame.tobytes(), k)
-    return sorted(seen.values())

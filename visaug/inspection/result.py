@@ -12,8 +12,6 @@ from visaug.core.reporting import Reported
 from visaug.frames import FrameSet
 from visaug.inspection.finding import Finding, rounded
 
-_SAID = 4  # findings in the answer
-
 
 @dataclass(frozen=True)
 class Measurement:
@@ -74,8 +72,8 @@ class Inspection(Reported):
     def answer(self) -> str:
         """One sentence."""
         if self.findings:
-            said = "; ".join(f.short for f in self.findings[:_SAID])
-            left = len(self.findings) - _SAID
+            most = 4  # findings in the answer
+            said, left = "; ".join(f.short for f in self.findings[:most]), len(self.findings) - most
             return said + (f"; and {left} more" if left > 0 else "") + self._doubt
         if not self.measured:
             return "nothing could be measured in these frames"
@@ -99,27 +97,19 @@ class Inspection(Reported):
 
     def to_json(self) -> dict[str, Any]:
         """The content of `visaug inspect --json`."""
-        return {
-            "schema": 1,
-            "answer": self.answer,
-            "frames": len(self.frames),
-            "kinds": self.kinds,
-            "kinds_from": self.kinds_from,
-            "bits": self.bits,
-            "bits_stated": self.bits_stated,
-            "shift": self.shift,
-            "measured": [m.to_json() for m in self.measured],
-            "findings": [f.to_json() for f in self.findings],
-            "ambiguous": list(self.ambiguous),
-            "more": list(self.more),
-            "notes": list(self.notes),
-            "next": self.next_command,
+        content: dict[str, Any] = {"schema": 1, "answer": self.answer, "frames": len(self.frames)}
+        content |= {
+            name: getattr(self, name) for name in ("kinds", "kinds_from", "bits", "bits_stated", "shift")
         }
+        content["measured"] = [m.to_json() for m in self.measured]
+        content["findings"] = [f.to_json() for f in self.findings]
+        content |= {name: list(getattr(self, name)) for name in ("ambiguous", "more", "notes")}
+        return content | {"next": self.next_command}
 
     def save_defects(self, path: str | Path) -> Path:
         """Write the places of defects as CSV, one a line; the missing number of a line defect is left blank."""
-        lines = []
+        text = DEFECTS
         for row, column, kind, height in self.places:
-            lines.append(f"{'' if row < 0 else row},{'' if column < 0 else column},{kind},{height:.4g}")
-        write_text(path, DEFECTS + "".join(line + "\n" for line in lines))
+            text += f"{'' if row < 0 else row},{'' if column < 0 else column},{kind},{height:.4g}\n"
+        write_text(path, text)
         return Path(path)
