@@ -10,9 +10,9 @@ from visaug.app.cli.options import (
     force_option,
     load_camera,
     output_option,
+    print_table,
     written,
 )
-from visaug.app.cli.tables import print_table
 from visaug.core.errors import InputError
 
 
@@ -51,9 +51,8 @@ def cameras(words: tuple[str, ...], output: Path | None, force: bool, seed: int)
             load_camera(name)
             click.echo(camera_file(name).read_text(encoding="utf-8"), nl=False)
         case _:
-            raise InputError(
-                " ".join(words), field="visaug cameras", expected="nothing, a NAME, add FILE, or export NAME"
-            )
+            expected = "nothing, a NAME, add FILE, or export NAME"
+            raise InputError(" ".join(words), field="visaug cameras", expected=expected)
 
 
 def _list() -> None:

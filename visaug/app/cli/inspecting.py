@@ -11,12 +11,12 @@ from visaug.app.cli.options import (
     frames_argument,
     is_silent,
     path_option,
+    print_table,
     result_options,
     write_result,
     written,
 )
 from visaug.app.cli.summaries import print_next
-from visaug.app.cli.tables import print_table
 from visaug.core.progress import progress_bars
 from visaug.report.inspected import FINDING_HEAD, finding_row, measured_texts, next_step
 

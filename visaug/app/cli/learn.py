@@ -15,15 +15,14 @@ from visaug.app.cli.options import (
     may_write,
     output_option,
     path_option,
+    print_table,
     write_result,
     written,
 )
-from visaug.app.cli.tables import print_table
 from visaug.core.errors import InputError
 from visaug.core.extras import extra
 from visaug.core.progress import progress_bars
 
-ARGUMENTS = "CONFIG, or all of --predictions, --data and --domain"
 config_argument = click.argument("config_path", metavar="CONFIG", type=click.Path(path_type=Path))
 
 arm_option = click.option("--arm", metavar="NAME", help="Arm of CONFIG; the last one by default.")
@@ -181,7 +180,8 @@ def evaluate(
     """
     together = (data is None) == (domain is None) and (predictions is None or data is not None)
     if (config_path is None) == (predictions is None) or not together:
-        raise InputError("wrong arguments", field="evaluate", expected=ARGUMENTS)
+        expected = "CONFIG, or all of --predictions, --data and --domain"
+        raise InputError("wrong arguments", field="evaluate", expected=expected)
     if config_path is not None and (images or keypoints != "tango"):
         raise InputError("go with --predictions", field="--images and --keypoints", expected="no CONFIG")
     if config_path is not None and data is None and (poses_csv or split):
@@ -192,31 +192,27 @@ def evaluate(
     elsewhere = None if data is None or domain is None else (data, domain, split)
     if severity_camera is not None:
         if config_path is None or poses_csv or json_path:
-            raise InputError(
-                "needs the network itself",
-                field="--severity",
-                expected="CONFIG, without --poses and --json; for another network visaug_train.severity.severity",
+            expected = (
+                "CONFIG, without --poses and --json; for another network visaug_train.severity.severity"
             )
-        folder = output or Path("severity")
+            raise InputError("needs the network itself", field="--severity", expected=expected)
         with extra(), progress_bars() as progress:
             from visaug_train import commands
 
-            said = commands.severity_curves(
-                config_path, severity_camera, folder, [*curves], seed, progress, arm, elsewhere
-            )
+            folder, how = output or Path("severity"), ([*curves], seed, progress, arm, elsewhere)
+            said = commands.severity_curves(config_path, severity_camera, folder, *how)
         click.echo(said)
         return
+    scores: dict[str, Any]
     with extra(), progress_bars() as progress:
         from visaug_train import commands
 
-        scores: dict[str, Any]
         if config_path is not None:
             scores = commands.evaluate(config_path, seed, progress, arm, elsewhere, poses_csv)
         else:
             assert predictions is not None and data is not None and domain is not None  # noqa: PT018 - see above
-            scores = commands.evaluate_predictions(
-                predictions, data, domain, keypoints, split, images, poses_csv
-            )
+            how = keypoints, split, images, poses_csv
+            scores = commands.evaluate_predictions(predictions, data, domain, *how)
     for name, each in scores.items():
         for note in each.get("notes", ()):
             click.echo(f"note: {name}: {note}.", err=True)

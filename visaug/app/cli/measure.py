@@ -12,6 +12,7 @@ from visaug.app.cli import summaries
 from visaug.app.cli.options import (
     bit_depth_option,
     camera_option,
+    choice_option,
     command,
     effects_option,
     force_option,
@@ -55,12 +56,10 @@ MISFIT = 3  # exit status of `compare --fail-on-misfit`; 1 and 2 are failures of
 @camera_option(required=False)
 @effects_option()
 @bit_depth_option
-@click.option(
+@choice_option(
     "--method",
-    type=click.Choice(["emva", "paper"]),
-    default="emva",
-    show_default=True,
-    help="EMVA 1288 with likelihood fits, or the paper's procedure, which uses bias and dark frames only.",
+    ("emva", "paper"),
+    "EMVA 1288 with likelihood fits, or the paper's procedure, which uses bias and dark frames only.",
 )
 @output_option("camera.yaml", "Write the measured camera.")
 @path_option(
@@ -108,9 +107,8 @@ def characterize(
 
     may_write(output, force)
     if use_maps and not (output and maps_path):
-        raise InputError(
-            "there is no camera or no folder", field="--use-maps", expected="-o and --maps beside it"
-        )
+        expected = "-o and --maps beside it"
+        raise InputError("there is no camera or no folder", field="--use-maps", expected=expected)
     for path in sheets:
         may_replace(path, force)
         if path.suffix.lower() not in (".html", ".json"):
@@ -166,12 +164,8 @@ def _write_sheets(
             write_sheet(path, points, frames)
 
 
-transfer_option = click.option(
-    "--transfer",
-    type=click.Choice(["linear", "srgb"]),
-    default="linear",
-    show_default=True,
-    help="Encoding of ordinary pictures: linear or sRGB.",
+transfer_option = choice_option(
+    "--transfer", ("linear", "srgb"), "Encoding of ordinary pictures: linear or sRGB."
 )
 
 

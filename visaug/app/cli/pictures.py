@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from visaug.app.cli.options import (
-    Decorator,
+    all_of,
     camera_option,
+    choice_option,
     command,
     effects_option,
     force_option,
     load_camera,
+    option_with_default,
     output_option,
     written,
 )
@@ -44,41 +46,32 @@ class Range(click.ParamType):
         self.fail(f"{value!r} is not a number or a pair of numbers such as 0:24", param, ctx)
 
 
-def light_options(function: Decorator) -> Decorator:
-    """Options of the conditions under which a picture is taken: encoding, light, gain, strength of the noise."""
-    for option in (
-        click.option(
-            "--bits",
-            type=click.IntRange(1, 16),
-            help="Bits used in 16-bit data, if fewer: 10, 12 or 14. Refused for other data, except 8 for 8-bit.",
-        ),
-        click.option(
-            "--strength",
-            type=click.FloatRange(min=0),
-            default=1.0,
-            show_default=True,
-            help="Factor on the standard deviation of the noise.",
-        ),
-        click.option(
-            "--exposure",
-            type=Range(),
-            help="Fraction of the saturation exposure, 1e-6 to 1; the brightness is restored. With A:B, drawn for each picture.",
-        ),
-        click.option(
-            "--gain-db",
-            type=Range(),
-            help="Gain in dB on the camera's scale. With A:B, drawn for each picture.",
-        ),
-        click.option(
-            "--transfer",
-            type=click.Choice(["auto", "linear", "srgb"]),
-            default="auto",
-            show_default=True,
-            help="Encoding of the pixel values. auto: from colour profile, tags, bit depth and number of channels.",
-        ),
-    ):
-        function = option(function)
-    return function
+# Options of the conditions under which a picture is taken: encoding, light, gain, strength of the noise.
+light_options = all_of(
+    choice_option(
+        "--transfer",
+        ("auto", "linear", "srgb"),
+        "Encoding of the pixel values. auto: from colour profile, tags, bit depth and number of channels.",
+    ),
+    click.option(
+        "--gain-db",
+        type=Range(),
+        help="Gain in dB on the camera's scale. With A:B, drawn for each picture.",
+    ),
+    click.option(
+        "--exposure",
+        type=Range(),
+        help="Fraction of the saturation exposure, 1e-6 to 1; the brightness is restored. With A:B, drawn for each picture.",
+    ),
+    option_with_default(
+        "--strength", click.FloatRange(min=0), 1.0, "Factor on the standard deviation of the noise."
+    ),
+    click.option(
+        "--bits",
+        type=click.IntRange(1, 16),
+        help="Bits used in 16-bit data, if fewer: 10, 12 or 14. Refused for other data, except 8 for 8-bit.",
+    ),
+)
 
 
 @command(
@@ -88,20 +81,8 @@ def light_options(function: Decorator) -> Decorator:
 @output_option("OUT", "Folder for the copies.", required=True)
 @camera_option(if_repeated="If repeated, one is drawn for each picture.")
 @light_options
-@click.option(
-    "--p",
-    type=click.FloatRange(0, 1),
-    default=1.0,
-    show_default=True,
-    help="Probability that a copy gets noise.",
-)
-@click.option(
-    "--copies",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="Copies of each picture: a_1.png, a_2.png, ...",
-)
+@option_with_default("--p", click.FloatRange(0, 1), 1.0, "Probability that a copy gets noise.")
+@option_with_default("--copies", click.IntRange(min=1), 1, "Copies of each picture: a_1.png, a_2.png, ...")
 @click.option(
     "--copy-labels",
     "labels",
@@ -126,27 +107,16 @@ def light_options(function: Decorator) -> Decorator:
     is_flag=True,
     help="Add noise to what looks like labels too, and replace files that visaug did not write or that were changed since.",
 )
-@click.option(
+@choice_option(
     "--fixed-pattern",
-    type=click.Choice(["image", "camera"]),
-    default="image",
-    show_default=True,
-    help="Draw new fixed patterns for each picture, or keep those of one camera.",
+    ("image", "camera"),
+    "Draw new fixed patterns for each picture, or keep those of one camera.",
 )
-@click.option(
-    "--black-level",
-    type=click.Choice(["subtract", "keep"]),
-    default="subtract",
-    show_default=True,
-    help="Subtract the camera's black level from the result, or keep it.",
+@choice_option(
+    "--black-level", ("subtract", "keep"), "Subtract the camera's black level from the result, or keep it."
 )
 @effects_option()
-def augment(
-    inputs: tuple[Path, ...],
-    output: Path,
-    camera_names: tuple[str, ...],
-    **options: Any,
-) -> None:
+def augment(inputs: tuple[Path, ...], output: Path, camera_names: tuple[str, ...], **options: Any) -> None:
     """Write noisy copies of pictures or folders.
 
     Reads PNG, JPEG, TIFF, WebP and BMP with 8 or 16 bits, floating-point TIFF, OpenEXR and NumPy arrays. Names,
@@ -176,12 +146,7 @@ def augment(
 @output_option("sheet.png", "Write the contact sheet; an earlier sheet is replaced.", required=True)
 @force_option
 @effects_option()
-def preview(
-    picture: Path,
-    camera_names: tuple[str, ...],
-    output: Path,
-    **options: Any,
-) -> None:
+def preview(picture: Path, camera_names: tuple[str, ...], output: Path, **options: Any) -> None:
     """Write a contact sheet of one picture.
 
     For each camera it shows a crop at 1:1, a part of it at 4x, and the standard deviation of the noise at five levels,
@@ -215,9 +180,8 @@ def _say(done: "Augmented", output: Path) -> None:
     line += f" ({done.replaced} replaced)" if done.replaced else ""
     click.echo(line + (f", {done.kept} existed already" if done.kept else ""))
     if done.carried:
-        click.echo(
-            f"copied {counted(done.carried, 'other file')} as {'it is' if done.carried == 1 else 'they are'}"
-        )
+        they_are = "it is" if done.carried == 1 else "they are"
+        click.echo(f"copied {counted(done.carried, 'other file')} as {they_are}")
     if done.like_labels:
         reasons = ", ".join(f"{why}: {count}" for why, count in sorted(done.like_labels.items()))
         click.echo(
@@ -227,22 +191,21 @@ def _say(done: "Augmented", output: Path) -> None:
     if done.assumed:
         parts = [f"{WORDS[kind]} for {count} ({why})" for (kind, why), count in sorted(done.assumed.items())]
         click.echo(f"transfer function: {', '.join(parts)}")
-    if done.clipped:
-        click.echo(
-            f"{counted(done.clipped, 'picture')} with values outside [0, 1], which are clipped: 1 is white; "
-            "divide a high-dynamic-range render by the value that shall be white first"
-        )
-    if done.skipped:
-        parts = [f"{count} {suffix}" for suffix, count in sorted(done.skipped.items())]
-        click.echo(f"skipped {counted(sum(done.skipped.values()), 'file')}: {', '.join(parts)}")
-    if done.outputs:
-        click.echo(f"skipped copies of visaug augment in {', '.join(map(str, done.outputs))}")
-    if done.again:
-        click.echo(f"noise was added to copies of visaug augment: {', '.join(map(str, done.again))}")
-    if done.excluded:
-        click.echo(f"left out {counted(done.excluded, 'picture')} by --include and --exclude")
-    if done.unlabelled:
-        click.echo(f"{counted(done.unlabelled, 'picture')} without labels")
+    skipped = ", ".join(f"{count} {suffix}" for suffix, count in sorted(done.skipped.items()))
+    clipped = "1 is white; divide a high-dynamic-range render by the value that shall be white first"
+    for there, said in (
+        (
+            done.clipped,
+            f"{counted(done.clipped, 'picture')} with values outside [0, 1], which are clipped: {clipped}",
+        ),
+        (done.skipped, f"skipped {counted(sum(done.skipped.values()), 'file')}: {skipped}"),
+        (done.outputs, f"skipped copies of visaug augment in {', '.join(map(str, done.outputs))}"),
+        (done.again, f"noise was added to copies of visaug augment: {', '.join(map(str, done.again))}"),
+        (done.excluded, f"left out {counted(done.excluded, 'picture')} by --include and --exclude"),
+        (done.unlabelled, f"{counted(done.unlabelled, 'picture')} without labels"),
+    ):
+        if there:
+            click.echo(said)
 
 
 COMMANDS: list[click.Command] = [augment, preview, example]

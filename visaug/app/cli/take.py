@@ -65,9 +65,10 @@ def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed:
 @click.option(
     "--exposure", "exposure_s", type=float, metavar="S", help="Exposure time of flats and scenes, in seconds."
 )
-@click.option("--dark-exposures", metavar="S,S,...", help="Exposure times of the dark series, in seconds.")
+@click.option("--dark-exposures", "dark_exposures_s", metavar="S,S,...",
+              help="Exposure times of the dark series, in seconds.")  # fmt: skip
 @click.option("--levels", metavar="X,X,...", help="Levels of the flats, as fractions of saturation.")
-@click.option("--temperatures", metavar="C,C,... | none",
+@click.option("--temperatures", "temperatures_c", metavar="C,C,... | none",
               help="Temperatures of the dark series, in degrees Celsius; all other frames use the first. "
               "`none` if not known.")  # fmt: skip
 @click.option("--gains-db", metavar="DB,DB,...", help="Gain settings, in dB; all other frames use the first.")
@@ -114,15 +115,10 @@ def plan(
         from visaug.camera.simulation import plan_for
 
         options = plan_for(load_camera(camera_name))
-    for option, field in (
-        ("dark_exposures", "dark_exposures_s"),
-        ("levels", "levels"),
-        ("temperatures", "temperatures_c"),
-        ("gains_db", "gains_db"),
-    ):
-        text = given.pop(option)
-        if text is not None:
-            given[field] = (None,) if text == "none" else numbers(text, "--" + option.replace("_", "-"))
+    for option in ("dark_exposures_s", "levels", "temperatures_c", "gains_db"):  # lists
+        if (text := given[option]) is not None:
+            name = "--" + option.removesuffix("_s").removesuffix("_c").replace("_", "-")
+            given[option] = (None,) if text == "none" else numbers(text, name)
     options.update({name: value for name, value in given.items() if value is not None})
     groups = plan_groups(**options)
     click.echo(describe_plan(groups))
@@ -198,9 +194,8 @@ def effects(words: tuple[str, ...], search: str | None, output: Path | None, see
         case ():
             effect_pages.print_catalogue(search or "")
         case _ if search:
-            raise InputError(
-                "goes without a NAME", field="--search", expected="visaug effects --search WORDS"
-            )
+            expected = "visaug effects --search WORDS"
+            raise InputError("goes without a NAME", field="--search", expected=expected)
         case ("new", name):
             written(effect_pages.write_new(name, output))
         case ("check", file):
