@@ -1,12 +1,13 @@
 """Camera noise for one image: PIL image, NumPy array or tensor, with 8 bits, 16 bits or floats; see `visaug.augment.images`."""
 
 from collections.abc import Mapping, Sequence
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any
 
 import torch
 
 from visaug.augment.images import like, say_what_auto_means, take, to_tensor
+from visaug.augment.options import is_whole
 from visaug.augment.sensor_noise import SensorNoise, Source
 from visaug.core.errors import InputError
 
@@ -61,9 +62,8 @@ class ImageNoise:
         """The image with the noise of the draws; order is that of an array or tensor."""
         is_pil = hasattr(image, "getbands")
         bgr = order == "BGR" and not is_pil
-        return like(
-            take(self.noise, to_tensor(image)[None], draws, self.bits, bgr=bgr, alpha=is_pil)[0], image
-        )
+        noisy = take(self.noise, to_tensor(image)[None], draws, self.bits, bgr=bgr, alpha=is_pil)
+        return like(noisy[0], image)
 
     def __repr__(self) -> str:
         return f"ImageNoise({self.noise!r}, p={self.p}, bits={self.bits}, order={self.order!r})"
@@ -99,7 +99,7 @@ def used_bits(bits: int | None) -> int | None:
     """
     if bits is None:
         return None
-    if isinstance(bits, bool) or not isinstance(bits, Integral) or not 1 <= bits <= 16:
+    if not is_whole(bits) or not 1 <= bits <= 16:
         expected = "a whole number from 1 to 16, the depth of data in uint16 words"
         raise InputError(f"{bits!r} is not valid", field="bits", expected=expected)
     return int(bits)

@@ -18,8 +18,7 @@ from visaug.augment.sensor_noise import SensorNoise
 from visaug.core.errors import InputError
 
 DEPTHS = {torch.uint8: 8, torch.uint16: 16}
-WORDS = ("I;16", "I;16L", "I;16B", "I;16N")  # Pillow's names of 16 bit, by the order of the bytes
-PIL_MODES = ("L", "LA", "RGB", "RGBA", *WORDS)
+PIL_MODES = ("L", "LA", "RGB", "RGBA", "I;16", "I;16L", "I;16B", "I;16N")  # 16 bit by the order of the bytes
 # Pillow's convert() cuts these two at 255.
 PIL_ARRAYS = {"I": "np.asarray(image).astype(np.uint16)", "F": "np.asarray(image), scaled to [0, 1]"}
 
@@ -63,11 +62,9 @@ def check_bits(bits: int | None, kind: str) -> None:
         kind: name of the type, for example uint8.
     """
     if bits is not None and kind != "uint16" and not (kind == "uint8" and bits == 8):
-        raise InputError(
-            f"{bits} bit are given for an image of {kind}, whose range is known",
-            field="bits",
-            expected="no number of bits; only images of uint16 need one",
-        )
+        problem = f"{bits} bit are given for an image of {kind}, whose range is known"
+        expected = "no number of bits; only images of uint16 need one"
+        raise InputError(problem, field="bits", expected=expected)
 
 
 def take(
@@ -95,27 +92,20 @@ def take(
         return torch.cat([noisy[:, :3].flip(1), noisy[:, 3:]], 1)
     light = images[:, :colours]
     transfer = "srgb" if images.dtype == torch.uint8 and colours == 3 else "linear"
-    with torch.no_grad():
-        noisy = _taken(noise, light, draws, bits, transfer)
-    return noisy if colours == images.shape[1] else torch.cat([noisy, images[:, colours:]], 1)
-
-
-def _taken(
-    noise: SensorNoise, light: Tensor, draws: Mapping[str, Tensor], bits: int | None, transfer: str
-) -> Tensor:
     linear = (transfer if noise.transfer == "auto" else noise.transfer) == "linear"
-    if light.dtype in DEPTHS and linear:
-        check_bits(bits, str(light.dtype).removeprefix("torch."))
-        white = _top(light.dtype, bits)
-        words = noise.apply_to_words(light, draws, white) if _within(light, bits, white) else None
-        if words is not None:
-            return words
-    return from_unit(noise.apply_draws(to_unit(light, bits), draws, transfer=transfer), light.dtype, bits)
-
-
-def _within(light: Tensor, bits: int | None, white: int) -> bool:
-    """Whether no word is above white; only `bits` below those of the type allow any."""
-    return bits is None or white == 2 ** DEPTHS[light.dtype] - 1 or int(light.to(torch.int32).max()) <= white
+    noisy = None
+    with torch.no_grad():
+        if light.dtype in DEPTHS and linear:
+            check_bits(bits, str(light.dtype).removeprefix("torch."))
+            white = _top(light.dtype, bits)
+            # Words above white are there only where `bits` are below those of the type.
+            whole = bits is None or white == 2 ** DEPTHS[light.dtype] - 1
+            if whole or int(light.to(torch.int32).max()) <= white:
+                noisy = noise.apply_to_words(light, draws, white)
+        if noisy is None:
+            unit = noise.apply_draws(to_unit(light, bits), draws, transfer=transfer)
+            noisy = from_unit(unit, light.dtype, bits)
+    return noisy if colours == images.shape[1] else torch.cat([noisy, images[:, colours:]], 1)
 
 
 def say_what_auto_means(noise: SensorNoise) -> None:
@@ -125,10 +115,8 @@ def say_what_auto_means(noise: SensorNoise) -> None:
     """
     if noise.transfer == "auto" and not _said:
         _said.append("auto")
-        _log.warning(
-            "transfer='auto': colour images of 8 bit are taken as sRGB, all others as linear in light; "
-            "transfer='srgb' or 'linear' decides"
-        )
+        taken = "colour images of 8 bit are taken as sRGB, all others as linear in light"
+        _log.warning(f"transfer='auto': {taken}; transfer='srgb' or 'linear' decides")
 
 
 def to_tensor(image: Any) -> Tensor:
@@ -146,10 +134,8 @@ def to_tensor(image: Any) -> Tensor:
             raise InputError(f"an image has shape {image.shape}", expected="(H, W) or (H, W, C)")
         planes = image[..., None] if image.ndim == 2 else image
         if planes.shape[2] > 4 and 1 <= planes.shape[0] <= 4:
-            raise InputError(
-                f"an array has shape {image.shape}, channels first",
-                expected="(H, W, C), or a tensor (C, H, W)",
-            )
+            problem = f"an array has shape {image.shape}, channels first"
+            raise InputError(problem, expected="(H, W, C), or a tensor (C, H, W)")
         native = planes.astype(planes.dtype.newbyteorder("="), copy=False)  # FITS and some TIFF: big-endian
         whole = np.ascontiguousarray(native.transpose(2, 0, 1))
         # nothing writes to it, but PyTorch warns of memory that is read-only
@@ -163,10 +149,8 @@ def to_tensor(image: Any) -> Tensor:
         raise InputError(f"an image is a {type(image).__name__}", expected="PIL, NumPy or a tensor")
     channels_last = place == 0 and tensor.shape[0] > 4 and tensor.shape[2] <= 4
     if not tensor.shape[0] or channels_last:
-        raise InputError(
-            f"an image has shape {tuple(image.shape)}" + (", channels last" if channels_last else ""),
-            expected="(C, H, W) in a tensor and (H, W, C) in an array",
-        )
+        problem = f"an image has shape {tuple(image.shape)}" + (", channels last" if channels_last else "")
+        raise InputError(problem, expected="(C, H, W) in a tensor and (H, W, C) in an array")
     return tensor
 
 

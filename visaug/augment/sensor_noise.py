@@ -20,7 +20,6 @@ from visaug.augment.light import (
     srgb_to_linear,
 )
 from visaug.augment.options import (
-    LEAST_EXPOSURE,
     Range,
     check_choice,
     check_flag,
@@ -147,7 +146,8 @@ class SensorNoise(nn.Module):
             full_scale_photons = check_number("full_scale_photons", full_scale_photons, 0, 1e12, above=True)
         self.full_scale_photons = full_scale_photons
         self.gain_db = check_range("gain_db", gain_db, -60, 120)
-        self.exposure = check_range("exposure", exposure, LEAST_EXPOSURE, 1)
+        # At the least a pixel of the largest full wells (1e6 e-) holds one electron.
+        self.exposure = check_range("exposure", exposure, 1e-6, 1)
         self.strength = check_strength(strength)
         if self.strength not in (0, 1):
             self.cameras = tuple(with_maps_at_strength(camera, self.strength) for camera in self.cameras)
@@ -156,11 +156,9 @@ class SensorNoise(nn.Module):
         if gain_db is not None and "gain_db" in (values or {}):
             raise InputError("is given twice", field="gain_db", expected="the option, or an entry of values")
         if self.black_level == "keep" and mono is None and any(camera.spec.colour for camera in self.cameras):
-            raise InputError(
-                "keep leaves an offset that white balance would turn into a colour cast",
-                field="black_level",
-                expected="subtract for a colour camera, or mono=True",
-            )
+            problem = "keep leaves an offset that white balance would turn into a colour cast"
+            expected = "subtract for a colour camera, or mono=True"
+            raise InputError(problem, field="black_level", expected=expected)
         self._generator: tuple[tuple[int | None, int], torch.Generator] | None = None
         self._names: dict[str, str] = {}
         for path, value in (values or {}).items():
@@ -169,17 +167,15 @@ class SensorNoise(nn.Module):
     def _add_value(self, path: str, value: Tensor | float) -> None:
         known = self.cameras[0].values()
         if path not in known:
-            raise InputError(
-                "is not a parameter of this camera", field=path, expected=f"one of {', '.join(known)}"
-            )
+            expected = f"one of {', '.join(known)}"
+            raise InputError("is not a parameter of this camera", field=path, expected=expected)
         parameter = place_of(path).parameter
         if path == "black_level_dn":  # as in a camera.yaml, it leaves a range for the signal
             parameter = replace(parameter, high=2 ** min(camera.bit_depth for camera in self.cameras) - 2)
         check_replacement(path, value, parameter)
         if len(self.cameras) > 1 and torch.as_tensor(value).numel() > 1:
-            raise InputError(
-                "has a value for each image", field=path, expected="one number, for several cameras"
-            )
+            expected = "one number, for several cameras"
+            raise InputError("has a value for each image", field=path, expected=expected)
         name = self._names[path] = "value_" + path.replace(".", "_")
         if isinstance(value, nn.Parameter):
             self.register_parameter(name, value)
@@ -289,11 +285,8 @@ class SensorNoise(nn.Module):
         camera = self.cameras[0]
         plain = len(self.cameras) == 1 and not camera.finishes and self.strength > 0
         plain = plain and (images.shape[1] == 1 or are_bands(images.shape[1], self.mono))
-        if (
-            not plain
-            or (camera.spec.colour and self.mono is None)
-            or self._pixels_per_pixel(camera, images) > 1
-        ):
+        plain = plain and not (camera.spec.colour and self.mono is None)
+        if not plain or self._pixels_per_pixel(camera, images) > 1:
             return None
         exposure = self._exposure(camera, draws, images)
         return exposure.by_tables(images, None, white) if exposure.fused else None
@@ -325,24 +318,10 @@ class SensorNoise(nn.Module):
         changed = {path: value for path, value in draws.items() if path in known}
         for path, name in self._names.items():
             changed[path] = getattr(self, name)
-            if changed[path].numel() not in (1, len(light)):
-                raise InputError(
-                    f"has {changed[path].numel()} values for {len(light)} images",
-                    field=path,
-                    expected="one number, or one for each image",
-                )
-        return Exposure(
-            camera,
-            draws,
-            changed,
-            light.device,
-            may_be_fast=may_be_fast,
-            one_specimen=self.fixed_pattern == "camera",
-            strength=self.strength,
-            black_level=self.black_level,
-            full_scale_photons=self.full_scale_photons,
-            origin=self.origin,
-        )
+            if (count := changed[path].numel()) not in (1, len(light)):
+                problem = f"has {count} values for {len(light)} images"
+                raise InputError(problem, field=path, expected="one number, or one for each image")
+        return Exposure(camera, draws, changed, light.device, may_be_fast, self)
 
     def _pixels_per_pixel(self, camera: Camera, light: Tensor) -> int:
         if self.resolution == "network":
@@ -359,9 +338,6 @@ class SensorNoise(nn.Module):
             return True
         return not (light.requires_grad or any(getattr(self, n).requires_grad for n in self._names.values()))
 
-    def extra_repr(self) -> str:
-        return self.described()
-
     def described(self) -> str:
         """Cameras, transfer function, seed, and the options that are not at their defaults, as in a call."""
         words = [repr(camera.name) for camera in self.cameras[:3]]
@@ -377,6 +353,8 @@ class SensorNoise(nn.Module):
         if self._names:
             words.append(f"values of {', '.join(self._names)}")
         return ", ".join(words)
+
+    extra_repr = described
 
 
 def _keys(number: int, source: torch.Generator | None) -> Tensor:

@@ -1,9 +1,13 @@
 """A picture in memory, whatever the file it came from."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from visaug.augment.image_io.transfer import Hints, transfer_of
+from visaug.core.errors import InputError
 
 
 @dataclass
@@ -26,6 +30,13 @@ class Picture:
     keep: np.ndarray | None = None
     key: tuple[float, ...] | None = None
     extras: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def encoded(cls, pixels: np.ndarray, hints: Hints, **more: Any) -> "Picture":
+        """A picture whose transfer function the hints of its file tell; `more` are other attributes."""
+        picture = cls(pixels, **more)
+        picture.transfer, picture.reason = transfer_of(hints, pixels.dtype, picture.colours)
+        return picture
 
     @property
     def colours(self) -> int:
@@ -58,3 +69,9 @@ class Picture:
 def three_axes(pixels: np.ndarray) -> np.ndarray:
     """(H, W) as (H, W, 1)."""
     return pixels[..., None] if pixels.ndim == 2 else pixels
+
+
+def check_single(count: int, what: str, path: Path) -> None:
+    """Refuse a file that holds several pictures."""
+    if count != 1:
+        raise InputError(f"holds {count} {what}", file=path, expected="a single picture in a file")

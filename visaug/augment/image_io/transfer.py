@@ -35,9 +35,9 @@ class Hints:
 
 def transfer_of(hints: Hints, dtype: np.dtype, colours: int) -> tuple[str, str]:
     """("linear" or "srgb", the reason for messages)."""
-    cicp_linear, cicp_srgb_like = (8,), (1, 4, 5, 6, 13, 14, 15)  # ITU-T H.273, table 3
-    if hints.cicp in cicp_linear + cicp_srgb_like:
-        return (LINEAR if hints.cicp in cicp_linear else SRGB), "cICP chunk"
+    linear_code = 8  # ITU-T H.273, table 3; the others are like sRGB
+    if hints.cicp in (linear_code, 1, 4, 5, 6, 13, 14, 15):
+        return (LINEAR if hints.cicp == linear_code else SRGB), "cICP chunk"
     gamma = profile_gamma(hints.icc) if hints.icc else None
     if gamma is not None:
         return (LINEAR if abs(gamma - 1) < 0.05 else SRGB), "ICC profile"
