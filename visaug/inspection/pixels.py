@@ -36,7 +36,7 @@ def line_defects(look: FrameGroup, axis: str) -> tuple[Finding | None, np.ndarra
         return None, np.zeros(height, bool)
     which = np.flatnonzero(bad)
     heights = off[which]
-    lines = f"{counted(len(which), axis)} ({some(which, 5)})"
+    lines = f"{counted(len(which), axis)} ({some(which.tolist(), 5)})"
     typical = float(np.median(np.abs(heights)))
     places = [(int(k), -1) if axis == "row" else (-1, int(k)) for k in which]
     finding = Finding(

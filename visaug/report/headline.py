@@ -113,7 +113,8 @@ def diagnosis_details(content: Content) -> list[str]:
     error, fits = content["error"], content["fits"]
     lines = [f"Mistake in the camera file: {m['text']}" for m in content.get("camera_file", ())]
     if error["before"] is not None and content["accepted"]:
-        after = with_interval(error["after"], *(error["interval_after"] or (None, None)))
+        low, high = error["interval_after"] or (None, None)
+        after = with_interval(error["after"], low, high)
         lines.append(
             f"Error on hold-out frames: {error['before']:.2g} with the camera file, {after} "
             "with the added effects. 0 is as good as a second camera of the same type."

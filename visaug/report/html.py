@@ -107,12 +107,15 @@ def figure(
 
     buffer = io.BytesIO()
     # No date and fixed ids, so that the same data give the same bytes.
-    of_svg, of_png = {"metadata": {"Date": None, "Creator": None}}, {"dpi": 140}
-    kind, mime, more = ("png", "png", of_png) if raster else ("svg", "svg+xml", of_svg)
+    form: dict = {"format": "svg", "metadata": {"Date": None, "Creator": None}}
+    if raster:
+        form = {"format": "png", "dpi": 140}
     with mpl.rc_context({"svg.hashsalt": "visaug", "svg.fonttype": "path"}):
-        drawn.savefig(buffer, format=kind, **more, bbox_inches="tight", pad_inches=0.06)
+        drawn.savefig(buffer, **form, bbox_inches="tight", pad_inches=0.06)
     content = base64.b64encode(buffer.getvalue()).decode("ascii")
-    return Figure(f"data:image/{mime};base64,{content}", caption, alt or caption, wide)
+    return Figure(
+        f"data:image/{'png' if raster else 'svg+xml'};base64,{content}", caption, alt or caption, wide
+    )
 
 
 @cache

@@ -246,7 +246,8 @@ def _numbers(bench: Bench, wanted: Mapping[str, float]) -> list[dict[str, Any]]:
             continue
         low, high = _reach(parameter, before.get(path, value), value)
         given = before.get(path)
-        row = {"path": path, "unit": _unit(path), "value": f"{value:.5g}", "low": low, "high": high}
+        row: dict[str, Any] = {"path": path, "unit": _unit(path), "low": low, "high": high}
+        row["value"] = f"{value:.5g}"
         row["least"] = parameter.low if math.isfinite(parameter.low) else ""
         row["most"] = parameter.high if math.isfinite(parameter.high) else None
         row["step"] = float(f"{(high - low) / 400:.1g}")

@@ -175,11 +175,12 @@ FIGURES: list[tuple[str, str | None, str, tuple[str, ...], _Drawing]] = [
     ("SNR", None, "emva4_sweep", ("emva.quantum_efficiency", "emva.dark_noise_dn"), snr),
     ("Deviation from linearity", None, "emva4_linearity", (), linearity),
 ]
-for _title, _shown, *_of in (
-    ("mean", "Dark signal against exposure.", "mean_dn", "mean dark signal (DN)"),
-    ("variance", "Temporal variance of dark frames against exposure.", "variance_dn2", "dark variance (DN²)"),
+for _title, _shown, _draw in (
+    ("mean", "Dark signal", partial(_dark, "mean_dn", "mean dark signal (DN)")),
+    ("variance", "Temporal variance of dark frames", partial(_dark, "variance_dn2", "dark variance (DN²)")),
 ):
-    FIGURES.append((f"Dark current from the {_title}", _shown, "emva4_dark", (), partial(_dark, *_of)))
+    _shown = f"{_shown} against exposure."
+    FIGURES.append((f"Dark current from the {_title}", _shown, "emva4_dark", (), _draw))
 _profiles = "{} profiles of the map that the {{}} is measured on."
 for _title, _shown, _draw in (
     ("spectrogram, horizontal", "Horizontal spectrogram of the {}.", partial(_spectrogram, "horizontal")),
