@@ -10,6 +10,7 @@ import torch
 from torch import Tensor, distributed, nn
 from torch.utils.data import get_worker_info
 
+from visaug.augment import options
 from visaug.augment.exposure import Exposure
 from visaug.augment.light import (
     are_bands,
@@ -19,20 +20,7 @@ from visaug.augment.light import (
     luminance,
     srgb_to_linear,
 )
-from visaug.augment.options import (
-    Range,
-    check_choice,
-    check_flag,
-    check_images,
-    check_number,
-    check_number_of_draws,
-    check_origin,
-    check_range,
-    check_replacement,
-    check_seed,
-    check_strength,
-    check_values,
-)
+from visaug.augment.options import Range
 from visaug.camera import Camera, fast
 from visaug.camera.paths import place_of
 from visaug.camera.randomize import spreads
@@ -136,19 +124,21 @@ class SensorNoise(nn.Module):
         super().__init__()
         self.cameras = _population(camera)
         self._spreads = [spreads(camera) for camera in self.cameras]
-        self.fixed_pattern = check_choice("fixed_pattern", fixed_pattern)
-        self.transfer = check_choice("transfer", transfer)
-        self.black_level = check_choice("black_level", black_level)
-        self.resolution = check_choice("resolution", resolution)
-        self.fast, self.seed, self.origin = fast, check_seed(seed), check_origin(origin)
-        self.mono = check_flag("mono", mono)
+        self.fixed_pattern = options.check_choice("fixed_pattern", fixed_pattern)
+        self.transfer = options.check_choice("transfer", transfer)
+        self.black_level = options.check_choice("black_level", black_level)
+        self.resolution = options.check_choice("resolution", resolution)
+        self.fast, self.seed, self.origin = fast, options.check_seed(seed), options.check_origin(origin)
+        self.mono = options.check_flag("mono", mono)
         if full_scale_photons is not None:
-            full_scale_photons = check_number("full_scale_photons", full_scale_photons, 0, 1e12, above=True)
+            full_scale_photons = options.check_number(
+                "full_scale_photons", full_scale_photons, 0, 1e12, above=True
+            )
         self.full_scale_photons = full_scale_photons
-        self.gain_db = check_range("gain_db", gain_db, -60, 120)
+        self.gain_db = options.check_range("gain_db", gain_db, -60, 120)
         # At the least a pixel of the largest full wells (1e6 e-) holds one electron.
-        self.exposure = check_range("exposure", exposure, 1e-6, 1)
-        self.strength = check_strength(strength)
+        self.exposure = options.check_range("exposure", exposure, 1e-6, 1)
+        self.strength = options.check_strength(strength)
         if self.strength not in (0, 1):
             self.cameras = tuple(with_maps_at_strength(camera, self.strength) for camera in self.cameras)
         if not isinstance(values or {}, Mapping):
@@ -172,7 +162,7 @@ class SensorNoise(nn.Module):
         parameter = place_of(path).parameter
         if path == "black_level_dn":  # as in a camera.yaml, it leaves a range for the signal
             parameter = replace(parameter, high=2 ** min(camera.bit_depth for camera in self.cameras) - 2)
-        check_replacement(path, value, parameter)
+        options.check_replacement(path, value, parameter)
         if len(self.cameras) > 1 and torch.as_tensor(value).numel() > 1:
             expected = "one number, for several cameras"
             raise InputError("has a value for each image", field=path, expected=expected)
@@ -220,8 +210,8 @@ class SensorNoise(nn.Module):
         return self._generator[1]
 
     def forward(self, images: Tensor) -> Tensor:
-        check_images(images)
-        check_values(images)
+        options.check_images(images)
+        options.check_values(images)
         draws = self.draw(images.shape[0])
         return self._noisy(images, draws, None)
 
@@ -237,9 +227,9 @@ class SensorNoise(nn.Module):
             draws: the result of `draw(B)`.
             transfer: meaning of "auto" for these images: "linear" (also if None) or "srgb".
         """
-        check_images(images)
-        check_values(images)
-        check_number_of_draws(draws, images)
+        options.check_images(images)
+        options.check_values(images)
+        options.check_number_of_draws(draws, images)
         return self._noisy(images, draws, transfer)
 
     def _noisy(self, images: Tensor, draws: Mapping[str, Tensor], transfer: str | None) -> Tensor:
@@ -281,7 +271,7 @@ class SensorNoise(nn.Module):
         Returns:
             The same shape and type; None where only `apply_draws` can: colour, several cameras, effects on the picture.
         """
-        check_number_of_draws(draws, images)
+        options.check_number_of_draws(draws, images)
         camera = self.cameras[0]
         plain = len(self.cameras) == 1 and not camera.finishes and self.strength > 0
         plain = plain and (images.shape[1] == 1 or are_bands(images.shape[1], self.mono))

@@ -12,19 +12,7 @@ from visaug.core.wording import (
     statistic_text,
     with_interval,
 )
-from visaug.report.headline import (
-    AMONG,
-    PROBABILITY,
-    WHERE_HEAD,
-    comparison_headline,
-    diagnosis_details,
-    diagnosis_headline,
-    effect_texts,
-    entry_text,
-    verdict_row,
-    view_title,
-    where_rows,
-)
+from visaug.report import headline
 from visaug.report.html import Block, Page, Section, Table, Text, figure, write_page
 from visaug.report.next_step import (
     Inputs,
@@ -79,7 +67,7 @@ def write_comparison(
     def drawn(names: list[str]) -> list[Block]:
         return [pictures[name] for name in names if name in pictures]
 
-    blocks: list[Block] = [Text(comparison_headline(content), "finding")]
+    blocks: list[Block] = [Text(headline.comparison_headline(content), "finding")]
     blocks.append(next_text(after_comparison(content, inputs or Inputs.of(camera, frames))))
     if content["where"]:
         blocks += [*drawn(worst[:1]), where_table(content["where"])]
@@ -117,11 +105,11 @@ def write_picture_comparison(path: str | Path, result: "PictureComparison") -> P
     rows = []
     for d in content["differences"]:
         sizes = number(d["measured"]), number(d["modelled"]), d["unit"], deviation_text(d["z"])
-        rows.append([view_title(d["view"]), d["statistic"], *sizes])
+        rows.append([headline.view_title(d["view"]), d["statistic"], *sizes])
     head = ["view", "statistic", "target", "other set", "unit", "standard deviations"]
     caption = "Largest differences first. How bright the scenes are and how much sky they show do not enter."
     blocks: list[Block] = [
-        Text(comparison_headline(content), "finding"),
+        Text(headline.comparison_headline(content), "finding"),
         next_text(after_pictures(content, picture_inputs(result))),
         figure(_noise(result), "Noise of flat regions against their level, both sets. Bars are 95 %."),
         Table(head, rows, caption=caption),
@@ -193,11 +181,11 @@ def diagnosis_sections(
 ) -> list[Section]:
     """The sections of a diagnosis, also part of the demo's page."""
     error = content["error"]
-    found: list[Block] = [Text(diagnosis_headline(content), "finding")]
-    found += [Text(line) for line in effect_texts(content["accepted"])]
-    found += [Text(line) for line in diagnosis_details(content)]
+    found: list[Block] = [Text(headline.diagnosis_headline(content), "finding")]
+    found += [Text(line) for line in headline.effect_texts(content["accepted"])]
+    found += [Text(line) for line in headline.diagnosis_details(content)]
     if content["accepted"]:
-        found.append(Text(PROBABILITY, "note"))
+        found.append(Text(headline.PROBABILITY, "note"))
     found.append(next_text(after_diagnosis(content, inputs or Inputs.of(camera, frames))))
     if any(step["error"] is not None for step in content["steps"]):
         steps = plot_error_steps(content["steps"], error["before"], error["floor"])
@@ -221,7 +209,7 @@ def diagnosis_sections(
     if content.get("effects"):
         strength, frames_for = "strength [95 % interval] or limit", "frames that would show or separate it"
         head = ["effect", "verdict", strength, frames_for]
-        rows = [verdict_row(entry) for entry in content["effects"]]
+        rows = [headline.verdict_row(entry) for entry in content["effects"]]
         table = Table(head, rows, caption="Of each effect, what these frames show. Limits are those of 95 %.")
         sections.append(Section("What these frames show, and what they cannot", [table]))
     looked_at = used_section(content)
@@ -240,9 +228,9 @@ def _diagnosis_facts(content: dict[str, Any]) -> list[tuple[str, str]]:
     for name in content["accepted"][:2]:
         entry = known.get(name, {})
         for key, e in list((entry.get("parameters") or {}).items())[:1]:
-            facts.append((entry_text(e), f"{name}: {key}, 95 % interval"))
+            facts.append((headline.entry_text(e), f"{name}: {key}, 95 % interval"))
         if entry.get("probability") is not None:
-            facts.append((probability_text(entry["probability"]), f"probability of {name} {AMONG}"))
+            facts.append((probability_text(entry["probability"]), f"probability of {name} {headline.AMONG}"))
     if error["before"] is not None:
         change = f"{error['before']:.2g} → {with_interval(error['after'], low, high)}"
         facts.append((change, "error before and after"))
@@ -260,13 +248,13 @@ def _worst_frames(where: list[dict[str, Any]]) -> dict[str, str]:
 
 def where_table(where: list[dict[str, Any]]) -> Table:
     caption = "Where the model as given and the frames differ, the largest share first."
-    return Table(WHERE_HEAD, where_rows(where), caption)
+    return Table(headline.WHERE_HEAD, headline.where_rows(where), caption)
 
 
 def _accepted_table(content: dict[str, Any]) -> Table:
     parameters = {entry["effect"]: entry.get("parameters") or {} for entry in content["ranking"]}
     rows = [
-        [effect, key, entry_text(e, ""), unit_text(e.get("unit", ""))]
+        [effect, key, headline.entry_text(e, ""), unit_text(e.get("unit", ""))]
         for effect in content["accepted"]
         for key, e in parameters.get(effect, {}).items()
     ]

@@ -5,18 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from visaug.app.cli.options import (
-    all_of,
-    camera_option,
-    choice_option,
-    command,
-    effects_option,
-    force_option,
-    load_camera,
-    option_with_default,
-    output_option,
-    written,
-)
+from visaug.app.cli import options as cli
 from visaug.core.errors import PartlyFailed
 from visaug.core.progress import progress_bars
 from visaug.core.wording import counted
@@ -47,8 +36,8 @@ class Range(click.ParamType):
 
 
 # Options of the conditions under which a picture is taken: encoding, light, gain, strength of the noise.
-light_options = all_of(
-    choice_option(
+light_options = cli.all_of(
+    cli.choice_option(
         "--transfer",
         ("auto", "linear", "srgb"),
         "Encoding of the pixel values. auto: from colour profile, tags, bit depth and number of channels.",
@@ -63,7 +52,7 @@ light_options = all_of(
         type=Range(),
         help="Fraction of the saturation exposure, 1e-6 to 1; the brightness is restored. With A:B, drawn for each picture.",
     ),
-    option_with_default(
+    cli.option_with_default(
         "--strength", click.FloatRange(min=0), 1.0, "Factor on the standard deviation of the noise."
     ),
     click.option(
@@ -74,15 +63,17 @@ light_options = all_of(
 )
 
 
-@command(
+@cli.command(
     "augment", example="visaug augment photos/ portrait.tif -o noisy/ --camera sony_imx174 --gain-db 0:24"
 )
 @click.argument("inputs", metavar="IN...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@output_option("OUT", "Folder for the copies.", required=True)
-@camera_option(if_repeated="If repeated, one is drawn for each picture.")
+@cli.output_option("OUT", "Folder for the copies.", required=True)
+@cli.camera_option(if_repeated="If repeated, one is drawn for each picture.")
 @light_options
-@option_with_default("--p", click.FloatRange(0, 1), 1.0, "Probability that a copy gets noise.")
-@option_with_default("--copies", click.IntRange(min=1), 1, "Copies of each picture: a_1.png, a_2.png, ...")
+@cli.option_with_default("--p", click.FloatRange(0, 1), 1.0, "Probability that a copy gets noise.")
+@cli.option_with_default(
+    "--copies", click.IntRange(min=1), 1, "Copies of each picture: a_1.png, a_2.png, ..."
+)
 @click.option(
     "--copy-labels",
     "labels",
@@ -107,15 +98,15 @@ light_options = all_of(
     is_flag=True,
     help="Add noise to what looks like labels too, and replace files that visaug did not write or that were changed since.",
 )
-@choice_option(
+@cli.choice_option(
     "--fixed-pattern",
     ("image", "camera"),
     "Draw new fixed patterns for each picture, or keep those of one camera.",
 )
-@choice_option(
+@cli.choice_option(
     "--black-level", ("subtract", "keep"), "Subtract the camera's black level from the result, or keep it."
 )
-@effects_option()
+@cli.effects_option()
 def augment(inputs: tuple[Path, ...], output: Path, camera_names: tuple[str, ...], **options: Any) -> None:
     """Write noisy copies of pictures or folders.
 
@@ -125,7 +116,7 @@ def augment(inputs: tuple[Path, ...], output: Path, camera_names: tuple[str, ...
     """
     from visaug.augment.files import augment_files
 
-    cameras = [load_camera(name) for name in camera_names]
+    cameras = [cli.load_camera(name) for name in camera_names]
     with progress_bars() as progress:
         done = augment_files(inputs, output, cameras, progress=progress, **options)
     _say(done, output)
@@ -137,15 +128,15 @@ def augment(inputs: tuple[Path, ...], output: Path, camera_names: tuple[str, ...
         raise PartlyFailed("\n  ".join([head, *done.failed]))
 
 
-@command(
+@cli.command(
     "preview", example="visaug preview photo.jpg --camera sony_imx174 --camera canon_5d4_iso800 -o sheet.png"
 )
 @click.argument("picture", metavar="IMAGE", type=click.Path(path_type=Path))
-@camera_option(if_repeated="If repeated, the sheet shows each.")
+@cli.camera_option(if_repeated="If repeated, the sheet shows each.")
 @light_options
-@output_option("sheet.png", "Write the contact sheet; an earlier sheet is replaced.", required=True)
-@force_option
-@effects_option()
+@cli.output_option("sheet.png", "Write the contact sheet; an earlier sheet is replaced.", required=True)
+@cli.force_option
+@cli.effects_option()
 def preview(picture: Path, camera_names: tuple[str, ...], output: Path, **options: Any) -> None:
     """Write a contact sheet of one picture.
 
@@ -153,12 +144,12 @@ def preview(picture: Path, camera_names: tuple[str, ...], output: Path, **option
     in 8-bit levels (0 to 255). Gain and exposure that are not given are chosen so that the noise is visible, and
     are printed on the sheet.
     """
-    said = write_preview(picture, [load_camera(name) for name in camera_names], output, **options)
+    said = write_preview(picture, [cli.load_camera(name) for name in camera_names], output, **options)
     click.echo(f"transfer function: {said}")
-    written(output)
+    cli.written(output)
 
 
-@command(
+@cli.command(
     "example",
     example="visaug example example/\nvisaug preview example/render.png --camera sony_imx174 -o sheet.png",
 )

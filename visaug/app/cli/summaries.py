@@ -7,15 +7,7 @@ import click
 
 from visaug.app.cli.options import print_table
 from visaug.core.wording import first_of, with_interval
-from visaug.report.headline import (
-    WHERE_HEAD,
-    characterization_headline,
-    comparison_headline,
-    diagnosis_details,
-    diagnosis_headline,
-    entry_text,
-    where_rows,
-)
+from visaug.report import headline
 from visaug.report.next_step import NextStep
 
 if TYPE_CHECKING:
@@ -24,9 +16,11 @@ if TYPE_CHECKING:
 
 def print_characterization(result: dict[str, Any], camera_file: str | None) -> None:
     """What was found beyond the base chain, a table of parameters with intervals, what stays open, and warnings."""
-    if headline := characterization_headline(result, camera_file):
-        click.echo(headline)
-    rows = [[name, entry_text(e, ""), e["unit"], e["from"]] for name, e in result["parameters"].items()]
+    if said := headline.characterization_headline(result, camera_file):
+        click.echo(said)
+    rows = [
+        [name, headline.entry_text(e, ""), e["unit"], e["from"]] for name, e in result["parameters"].items()
+    ]
     print_table(["parameter", "value [95 % interval]", "unit", "source"], rows)
     needed: dict[str, list[str]] = {}
     for entry in result["not_determined"]:
@@ -59,9 +53,9 @@ def print_survey(found: "Survey") -> None:
 def print_comparison(result: dict[str, Any]) -> None:
     """Where the model fails, then the answer in one sentence."""
     if result["where"]:
-        print_table(WHERE_HEAD, where_rows(result["where"]))
+        print_table(headline.WHERE_HEAD, headline.where_rows(result["where"]))
     print_used(result)
-    click.echo(comparison_headline(result))
+    click.echo(headline.comparison_headline(result))
 
 
 def print_diagnosis(result: dict[str, Any]) -> None:
@@ -72,8 +66,8 @@ def print_diagnosis(result: dict[str, Any]) -> None:
     if result.get("cannot_show"):
         click.echo("these frames cannot show: " + ", ".join(result["cannot_show"]))
     print_used(result)
-    click.echo(diagnosis_headline(result))
-    for line in diagnosis_details(result):
+    click.echo(headline.diagnosis_headline(result))
+    for line in headline.diagnosis_details(result):
         click.echo(line)
 
 
