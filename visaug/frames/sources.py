@@ -115,14 +115,8 @@ def _surveyed(folder: Path, files: list[Path], warnings: list[str]) -> list[Fram
         found.rows = [r for r in found.rows if not any(r is u for u in unknown)]
         used -= {folder / split_name(r["file"])[0] for r in unknown}
     warnings += _left_out(folder, used)
-    asks = (
-        "kind",
-        "exposure_s",
-        "temperature_c",
-        "photons",
-        "bit_depth",
-        "descriptor",
-    )  # for what a table lacks
+    # Other notes ask for what a table lacks.
+    asks = ("kind", "exposure_s", "temperature_c", "photons", "bit_depth", "descriptor")
     warnings += [note for note in found.notes if note.split(":")[0] not in asks]
     return found.records()
 

@@ -6,7 +6,6 @@ import threading
 from collections import OrderedDict
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -19,22 +18,6 @@ from visaug.frames.record import FrameRecord
 
 _FINDING = threading.Lock()
 _PROBED = 8  # frames looked at to find where the bits lie
-
-
-class Store(Protocol):
-    """Pixels by position."""
-
-    warnings: list[str]
-    told_bits: int | None
-
-    @property
-    def bit_depth(self) -> int | None: ...
-    def read(self, i: int) -> np.ndarray: ...
-    def numbers(self, i: int) -> np.ndarray: ...
-    def clean(self, i: int) -> np.ndarray: ...
-    def shape(self, i: int) -> tuple[int, int]: ...
-    def with_bits(self, bit_depth: int) -> Store: ...
-    def path(self, i: int) -> Path | None: ...
 
 
 class MemoryStore:
@@ -104,10 +87,8 @@ class FileStore:
         bits_at: str | None,
         warnings: list[str],
     ) -> None:
-        for field, value, choices in (
-            ("byte_order", byte_order, tuple(LAYOUTS)),
-            ("bits_at", bits_at, ("top", "bottom")),
-        ):
+        orders, places = ("byte_order", byte_order, tuple(LAYOUTS)), ("bits_at", bits_at, ("top", "bottom"))
+        for field, value, choices in (orders, places):
             if value is not None and value not in choices:
                 raise InputError(f"{value!r} is unknown", field=field, expected=" or ".join(choices))
         if bit_depth is not None and not 1 <= bit_depth <= 32:
@@ -214,13 +195,14 @@ class FileStore:
             ]
             votes = [guess_layout(self._root / r.file, self._shape_of_raw(r)) for r in probes]
             self._byte_order = self._reader.layout = max(dict.fromkeys(votes), key=votes.count)
-            self.warnings.append(
-                f"byte_order_assumed: .raw files are read as {self._byte_order} endian, in which "
-                "neighbouring pixels are more similar"
-                if self._byte_order in BYTE_ORDERS
-                else f"packing_assumed: .raw files are read as {self._byte_order}, by their size and because "
-                "neighbouring pixels are more similar so"
+            order, alike = (
+                f".raw files are read as {self._byte_order}",
+                "neighbouring pixels are more similar",
             )
+            if self._byte_order in BYTE_ORDERS:
+                self.warnings.append(f"byte_order_assumed: {order} endian, in which {alike}")
+            else:
+                self.warnings.append(f"packing_assumed: {order}, by their size and because {alike} so")
         packed_bits = LAYOUTS[self._reader.layout].bits if raws else 16
         if packed_bits < 16 and self._bit_depth is None:
             self._bit_depth = packed_bits
@@ -257,6 +239,9 @@ class FileStore:
                 f"bits_at_top_assumed: the lowest {self._shift} of 16 bits are 0 in all frames looked "
                 f"at; read as {self._bit_depth}-bit values at the top"
             )
+
+
+Store = MemoryStore | FileStore  # pixels by position
 
 
 def _bits_of(dtype: np.dtype) -> int | None:

@@ -64,19 +64,8 @@ class Finding:
 
     def to_json(self) -> dict[str, Any]:
         """The keys of the program's JSON; figures with six digits."""
-        names = (
-            "what",
-            "kind",
-            "amplitude_dn",
-            "low",
-            "high",
-            "period",
-            "share",
-            "axis",
-            "nature",
-            "text",
-            "details",
-        )
+        sizes = ("amplitude_dn", "low", "high", "period", "share")
+        names = ("what", "kind", *sizes, "axis", "nature", "text", "details")
         return {name: rounded(getattr(self, name)) for name in names}
 
 

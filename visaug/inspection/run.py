@@ -180,23 +180,12 @@ def _is_same(one: Finding, other: Finding) -> bool:
     return alike and abs(math.log(one.period / other.period)) < same_period
 
 
-_NATURED = (
-    "row_offset",
-    "column_offset",
-    "row_banding",
-    "column_banding",
-    "halves",
-    "step",
-    "parity",
-    "pixel_pattern",
-)
-
-
 def _with_nature(
     finding: Finding, same: list[tuple[FrameGroup, Finding]], parts: list[tuple[FrameGroup, list[Finding]]]
 ) -> Finding:
     """The same as an offset or a gain, by its size in the darkest and the brightest group."""
-    if finding.what not in _NATURED:
+    of_lines = finding.what.endswith(("_offset", "_banding"))
+    if not of_lines and finding.what not in ("halves", "step", "parity", "pixel_pattern"):
         return finding
     uniform = sorted((look for look, _ in parts if look.is_uniform), key=lambda look: look.data.level)
     size = {id(look): f.amplitude_dn or 0.0 for look, f in same}

@@ -25,9 +25,7 @@ keypoints_option = click.option(
 
 @cli.command("demo", example="visaug demo -o demo/")
 @cli.output_option("DIR", "Folder for data, runs and report.html.", default=Path("demo"), show_default=True)
-@click.option(
-    "--full", is_flag=True, help="The longer study: three arms trained from nothing, four test sets."
-)
+@cli.flag("--full", "The longer study: three arms trained from nothing, four test sets.")
 def demo(output: Path, full: bool, seed: int) -> None:
     """Diagnose a camera, train with its noise, evaluate and report, on rendered data. If interrupted, the same command resumes."""
     with extra(), progress_bars() as progress:
@@ -51,9 +49,7 @@ def demo(output: Path, full: bool, seed: int) -> None:
     "Folder of the dataset, required for an archive. A folder is used where it lies: there, DIR only names what --coco and "
     "--size write.",
 )
-@click.option(
-    "--size", metavar="WxH", help="Also write copies of this size with ultralytics labels, beside DIR."
-)
+@cli.option("--size", "WxH", "Also write copies of this size with ultralytics labels, beside DIR.")
 @click.option("--coco", is_flag=True, help="Also write COCO keypoint annotations of every set, to DIR-coco.")
 @keypoints_option
 def prepare(
@@ -112,9 +108,7 @@ def run(what: str, config_path: Path, seed: int, **more: Any) -> None:
 )
 @cli.path_option("--data", "DIR", "Folder of a pose data set.")
 @click.option("--domain", metavar="NAME", help="Test set of that folder.")
-@click.option(
-    "--split", metavar="NAME", help="train, validation or test; by default the test split where there is one."
-)
+@cli.option("--split", "NAME", "train, validation or test; by default the test split where there is one.")
 @keypoints_option
 @arm_option
 @cli.effects_option()
@@ -126,18 +120,16 @@ def run(what: str, config_path: Path, seed: int, **more: Any) -> None:
     "F.csv",
     "Write the poses computed from the keypoints: file, q1..q4, r1..r3. All there is for images without labels.",
 )
-@click.option(
-    "--severity",
-    "severity_camera",
-    metavar="CAMERA",
-    help="Scores of CONFIG's network as this camera's gain, exposure, temperature and single effects grow worse.",
+@cli.option(
+    "--severity severity_camera",
+    "CAMERA",
+    "Scores of CONFIG's network as this camera's gain, exposure, temperature and single effects grow worse.",
 )
-@click.option(
-    "--curve",
-    "curves",
-    metavar="NAME",
+@cli.option(
+    "--curve curves",
+    "NAME",
+    "One curve of --severity: gain_db, exposure, temperature_c or an effect. May be repeated; all by default.",
     multiple=True,
-    help="One curve of --severity: gain_db, exposure, temperature_c or an effect. May be repeated; all by default.",
 )
 @cli.output_option(
     "DIR", "Folder of the curves of --severity; the same command resumes.  [default: severity]"

@@ -51,10 +51,8 @@ MISFIT = 3  # exit status of `compare --fail-on-misfit`; 1 and 2 are failures of
     "DIR",
     "Write maps of every pixel as FITS: master bias, response, read noise, dark current, defects.",
 )
-@click.option(
-    "--use-maps",
-    is_flag=True,
-    help="The camera of -o names the maps in --maps (.npy) in place of patterns drawn by chance.",
+@cli.flag(
+    "--use-maps", "The camera of -o names the maps in --maps (.npy) in place of patterns drawn by chance."
 )
 @cli.path_option(
     "--sheet sheets",
@@ -165,11 +163,7 @@ transfer_option = cli.choice_option(
 @cli.effects_option()
 @cli.bit_depth_option
 @cli.result_options
-@click.option(
-    "--fail-on-misfit",
-    is_flag=True,
-    help=f"Exit with status {MISFIT} if the camera does not explain the frames.",
-)
+@cli.flag("--fail-on-misfit", f"Exit with status {MISFIT} if the camera does not explain the frames.")
 def compare(
     frames_path: Path,
     camera_name: str | None,
@@ -256,16 +250,11 @@ def _warning_of_renders(json_path: Path | None, fail_on_misfit: bool = False) ->
     "File with your own effects to try with those of the catalogue (see `visaug effects new`).", pass_on=True
 )
 @cli.bit_depth_option
-@click.option(
-    "--without",
-    metavar="NAME",
-    multiple=True,
-    help="Do not try this effect of the catalogue. May be repeated.",
-)
-@click.option(
+@cli.option("--without", "NAME", "Do not try this effect of the catalogue. May be repeated.", multiple=True)
+@cli.option(
     "--cluster",
-    metavar="ADDRESS",
-    help="Run the simulations on a Ray cluster: its address, `auto`, or `local` for this machine (extra `cluster`).",
+    "ADDRESS",
+    "Run the simulations on a Ray cluster: its address, `auto`, or `local` for this machine (extra `cluster`).",
 )
 @cli.path_option(
     "--scenes",
@@ -274,11 +263,9 @@ def _warning_of_renders(json_path: Path | None, fail_on_misfit: bool = False) ->
 )
 @transfer_option
 @cli.output_option("camera2.yaml", "Write the refitted camera with the missing effects.")
-@click.option(
-    "--unexplained",
-    "with_component",
-    is_flag=True,
-    help="Measure what no effect explains (a fixed map, spectra of rows and columns, a variance curve) and write it beside "
+@cli.flag(
+    "--unexplained with_component",
+    "Measure what no effect explains (a fixed map, spectra of rows and columns, a variance curve) and write it beside "
     "the camera of -o, which names it as the effect `unexplained`.",
 )
 @cli.result_options

@@ -97,9 +97,19 @@ def _check_report(context: click.Context, parameter: click.Parameter, path: Path
     return check_result(context, parameter, path)
 
 
+def option(names: str, metavar: str, text: str, **more: Any) -> Decorator:
+    """An option with a value; `names` as "--json json_path"."""
+    return click.option(*names.split(), metavar=metavar, help=text, **more)
+
+
+def flag(names: str, text: str, **more: Any) -> Decorator:
+    """An option without a value."""
+    return click.option(*names.split(), is_flag=True, help=text, **more)
+
+
 def path_option(names: str, metavar: str, text: str, **more: Any) -> Decorator:
-    """An option that takes a path; `names` as "--json json_path"."""
-    return click.option(*names.split(), metavar=metavar, type=click.Path(path_type=Path), help=text, **more)
+    """An option that takes a path."""
+    return option(names, metavar, text, type=click.Path(path_type=Path), **more)
 
 
 def output_option(metavar: str, text: str, **more: Any) -> Decorator:
@@ -148,12 +158,11 @@ def effects_option(
     return path_option("--effects effects", "FILE.py", text, **more)
 
 
-bit_depth_option = click.option(
-    "--bit-depth",
-    "bit_depth",
-    metavar="N",
+bit_depth_option = option(
+    "--bit-depth bit_depth",
+    "N",
+    "Bits of the converter, for example 12 for 12-bit data in 16-bit files.",
     type=click.IntRange(1, 32),
-    help="Bits of the converter, for example 12 for 12-bit data in 16-bit files.",
 )
 
 

@@ -74,29 +74,21 @@ light_options = cli.all_of(
 @cli.option_with_default(
     "--copies", click.IntRange(min=1), 1, "Copies of each picture: a_1.png, a_2.png, ..."
 )
-@click.option(
-    "--copy-labels",
-    "labels",
-    is_flag=True,
-    help="Copy everything else of the folders too: YOLO labels to where ultralytics looks for them, annotations, masks and "
+@cli.flag(
+    "--copy-labels labels",
+    "Copy everything else of the folders too: YOLO labels to where ultralytics looks for them, annotations, masks and "
     "depth to their places.",
 )
-@click.option(
+@cli.option(
     "--include",
+    "PATTERN",
+    "Add noise to these pictures alone, for example 'rgb/*.png'; paths below an input. May be repeated.",
     multiple=True,
-    metavar="PATTERN",
-    help="Add noise to these pictures alone, for example 'rgb/*.png'; paths below an input. May be repeated.",
 )
-@click.option(
-    "--exclude",
-    multiple=True,
-    metavar="PATTERN",
-    help="Leave these out, for example '*mask*'. May be repeated.",
-)
-@click.option(
+@cli.option("--exclude", "PATTERN", "Leave these out, for example '*mask*'. May be repeated.", multiple=True)
+@cli.flag(
     "--force",
-    is_flag=True,
-    help="Add noise to what looks like labels too, and replace files that visaug did not write or that were changed since.",
+    "Add noise to what looks like labels too, and replace files that visaug did not write or that were changed since.",
 )
 @cli.choice_option(
     "--fixed-pattern",

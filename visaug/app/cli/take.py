@@ -49,22 +49,29 @@ def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed:
 )
 @cli.camera_option(required=False)
 @cli.effects_option()
-@click.option("--saturation", "saturation_photons", type=float, metavar="PHOTONS",
-              help="Photons per pixel at saturation, at the exposure of the flats.")  # fmt: skip
-@click.option(
-    "--exposure", "exposure_s", type=float, metavar="S", help="Exposure time of flats and scenes, in seconds."
+@cli.option(
+    "--saturation saturation_photons",
+    "PHOTONS",
+    "Photons per pixel at saturation, at the exposure of the flats.",
+    type=float,
 )
-@click.option("--dark-exposures", "dark_exposures_s", metavar="S,S,...",
-              help="Exposure times of the dark series, in seconds.")  # fmt: skip
+@cli.option("--exposure exposure_s", "S", "Exposure time of flats and scenes, in seconds.", type=float)
+@cli.option("--dark-exposures dark_exposures_s", "S,S,...", "Exposure times of the dark series, in seconds.")
 @click.option("--levels", metavar="X,X,...", help="Levels of the flats, as fractions of saturation.")
-@click.option("--temperatures", "temperatures_c", metavar="C,C,... | none",
-              help="Temperatures of the dark series, in degrees Celsius; all other frames use the first. "
-              "`none` if not known.")  # fmt: skip
+@cli.option(
+    "--temperatures temperatures_c",
+    "C,C,... | none",
+    "Temperatures of the dark series, in degrees Celsius; all other frames use the first. "
+    "`none` if not known.",
+)
 @click.option("--gains-db", metavar="DB,DB,...", help="Gain settings, in dB; all other frames use the first.")
 @click.option("--repeats", type=int, metavar="N", help="Frames per setting, 2 or more.")
 @click.option("--bias-frames", type=int, metavar="N", help="Bias frames, 2 or more.")
-@click.option("--for", "effects_for", metavar="EFFECT,...",
-              help="With --camera: what the frames would show of these effects, and what looks alike.")  # fmt: skip
+@cli.option(
+    "--for effects_for",
+    "EFFECT,...",
+    "With --camera: what the frames would show of these effects, and what looks alike.",
+)
 @cli.output_option("frames.csv", "Write the plan as a frames.csv.")
 @cli.force_option
 def plan(
@@ -122,12 +129,13 @@ def plan(
 )
 @click.argument("folder", metavar="FOLDER", type=click.Path(path_type=Path))
 @cli.bit_depth_option
-@click.option("--exposure", "exposure_s", type=float, metavar="S",
-              help="Exposure time of files that do not state it, in seconds.")  # fmt: skip
-@click.option("--temperature", "temperature_c", type=float, metavar="C",
-              help="Temperature of files that do not state it, in C.")  # fmt: skip
-@click.option("--gain-db", "gain_db", type=float, metavar="DB",
-              help="Gain of files that do not state it, in dB.")  # fmt: skip
+@cli.option(
+    "--exposure exposure_s", "S", "Exposure time of files that do not state it, in seconds.", type=float
+)
+@cli.option(
+    "--temperature temperature_c", "C", "Temperature of files that do not state it, in C.", type=float
+)
+@cli.option("--gain-db gain_db", "DB", "Gain of files that do not state it, in dB.", type=float)
 @click.option("--resolution", metavar="ROWSxCOLUMNS", help="Resolution of .raw files.")
 @cli.output_option("frames.csv", "Write the table; the column `file` is relative to its folder.")
 @cli.force_option
@@ -165,10 +173,8 @@ def frames(
     "visaug effects new my_effect\nvisaug effects check my_effect.py",
 )
 @click.argument("words", metavar="[NAME | new NAME | check FILE.py]", nargs=-1)
-@click.option(
-    "--search",
-    metavar="WORDS",
-    help="List the effects that are called or described so: banding, EMI, ghosting, PRNU.",
+@cli.option(
+    "--search", "WORDS", "List the effects that are called or described so: banding, EMI, ghosting, PRNU."
 )
 @cli.output_option("FILE.py", "File that `new` writes.  [default: NAME.py]")
 @cli.effects_option("File with your own effects to include.")
