@@ -10,8 +10,7 @@ import visaug
 from visaug.core.cores import cores
 from visaug.core.errors import InputError
 from visaug.core.progress import Progress, phase_of
-from visaug.report.html import Page, Section, figure, write_page
-from visaug.report.provenance import footer
+from visaug.report.html import Page, Section, figure, footer, write_page
 from visaug_train.ablation import Ablation, ablate
 from visaug_train.arms import Arm, Vis
 from visaug_train.checks import check_arms

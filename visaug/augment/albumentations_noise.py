@@ -11,7 +11,7 @@ import torch
 from torch.utils.data import get_worker_info
 
 from visaug.augment.draws import nth_frame
-from visaug.augment.image_noise import ImageNoise, channel_order, probability
+from visaug.augment.images import ImageNoise, channel_order, probability
 from visaug.augment.sensor_noise import SensorNoise, Source
 from visaug.augment.under_ultralytics import hook
 from visaug.camera import Camera

@@ -17,8 +17,7 @@ import numpy as np
 import torch
 
 from visaug.augment.image_io import SUFFIXES, Picture, read_picture, write_picture
-from visaug.augment.image_noise import probability, used_bits
-from visaug.augment.images import check_bits
+from visaug.augment.images import check_bits, probability, used_bits
 from visaug.augment.jobs import check_kept, find_label, label_place, plan_jobs
 from visaug.augment.journal import JOURNAL as JOURNAL
 from visaug.augment.journal import Journal, content_of, made_of, place_of, settings_of
@@ -108,7 +107,7 @@ def augment_files(
             changed since.
         progress: called with (description, files done, files in all).
         options: passed to `SensorNoise`, e.g. transfer="srgb" or gain_db=(0, 24). transfer="auto" decides by
-            each file; see `visaug.augment.image_io.transfer`.
+            each file; see `visaug.augment.image_io.picture`.
 
     Returns:
         What was done. Pictures that cannot be used are named in it and do not stop the others. A file that looks like

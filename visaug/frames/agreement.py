@@ -34,7 +34,9 @@ def agreed(rows: list[Row], folder: Path) -> tuple[list[Row], list[str]]:
     rows = _raw(rows, folder, notes)
     _depth(rows)
     _settings(rows, notes)
-    _bodies(rows)
+    if len({r["_body"] for r in rows if r["_body"]}) > 1:  # two cameras in one folder are two settings
+        for row in rows:
+            row["setting"] = " ".join(filter(None, (row["setting"], row["_body"]))) or None
     several = sorted({r["setting"] for r in rows if r["setting"]})
     if len(several) > 1:
         notes.append(
@@ -123,10 +125,3 @@ def _settings(rows: list[Row], notes: list[str]) -> None:
     order = list(dict.fromkeys(w for p in parts for w in p))
     for row, part in zip(rows, parts, strict=True):
         row["setting"] = " ".join(f"{w}={part[w]}" if part[w] else w for w in order if w in part) or None
-
-
-def _bodies(rows: list[Row]) -> None:
-    """Two cameras in one folder are two settings."""
-    if len({r["_body"] for r in rows if r["_body"]}) > 1:
-        for row in rows:
-            row["setting"] = " ".join(filter(None, (row["setting"], row["_body"]))) or None

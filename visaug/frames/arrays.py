@@ -166,7 +166,8 @@ def arrays_in(path: Path) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
     if is_old_mat(path):
         return mat_arrays(path)
     if path.suffix.lower() in hdf5.SUFFIXES:
-        return hdf5.data_sets(path)
+        with hdf5.open_hdf5(path) as held:
+            return hdf5.data_sets(held)
     if path.suffix.lower() == ".npy":
         keys: list[str | None] = [None]
     else:

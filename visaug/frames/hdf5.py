@@ -24,7 +24,7 @@ class Hdf5File:
     def __init__(self, path: Path, key: str | None = None) -> None:
         self.path, self.key = path, key
         self._file = open_hdf5(path)
-        name = chosen_array([name for name, _, _ in _data_sets(self._file)], key, path, "data set")
+        name = chosen_array([name for name, _, _ in data_sets(self._file)], key, path, "data set")
         self._set = self._file[name]
         self._reversed = _MATLAB in self._set.attrs
         self.shape, self.dtype = _shape(self._set), self._set.dtype
@@ -63,13 +63,8 @@ def open_hdf5(path: Path) -> Any:
         return h5py.File(path, "r")
 
 
-def data_sets(path: Path) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
+def data_sets(file: Any) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
     """Name, shape and attributes (those of its groups and the file under them) of every data set of numbers."""
-    with open_hdf5(path) as file:
-        return _data_sets(file)
-
-
-def _data_sets(file: Any) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
     found = []
 
     def visit(name: str, thing: Any) -> None:

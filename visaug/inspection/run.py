@@ -14,14 +14,12 @@ from visaug.core.errors import InputError
 from visaug.frames import FrameRecord, FrameSet
 from visaug.inspection.codes import code_findings, codes_of, shift_of
 from visaug.inspection.field import frame_drift, glow
-from visaug.inspection.finding import Finding
-from visaug.inspection.kinds import kinds_of, load_pixels
+from visaug.inspection.finding import Finding, Inspection, Measurement
 from visaug.inspection.line_findings import line_findings
 from visaug.inspection.lines import rows_of
-from visaug.inspection.material import FrameGroup, looks
+from visaug.inspection.material import FrameGroup, kinds_of, load_pixels, looks
 from visaug.inspection.pixels import line_defects, pixel_findings, pixel_pattern
 from visaug.inspection.processing import compression, noise_law, processing_findings
-from visaug.inspection.result import Inspection, Measurement
 
 
 def inspect(frames: FrameSet | str | Path | np.ndarray | Sequence[np.ndarray]) -> Inspection:

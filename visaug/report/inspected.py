@@ -5,11 +5,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from visaug.core.wording import number, with_interval
-from visaug.report.html import Block, Page, Section, Table, Text, figure, write_page
+from visaug.report.html import Block, Page, Section, Table, Text, figure, footer, write_page
 from visaug.report.next_step import NextStep
 from visaug.report.pages import next_text
 from visaug.report.plots.inspected import plot_finding
-from visaug.report.provenance import footer
 
 if TYPE_CHECKING:
     from visaug.inspection import Finding, Inspection

@@ -13,7 +13,7 @@ from visaug.core.wording import (
     with_interval,
 )
 from visaug.report import headline
-from visaug.report.html import Block, Page, Section, Table, Text, figure, write_page
+from visaug.report.html import Block, Page, Section, Table, Text, figure, footer, write_page
 from visaug.report.next_step import (
     Inputs,
     NextStep,
@@ -24,7 +24,6 @@ from visaug.report.next_step import (
 )
 from visaug.report.plots.error import plot_error_steps, plot_ranking
 from visaug.report.plots.view import plot_used
-from visaug.report.provenance import footer
 from visaug.report.views import ViewGallery, all_views
 
 if TYPE_CHECKING:

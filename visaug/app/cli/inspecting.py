@@ -38,7 +38,7 @@ def inspect(
     Kinds are taken from a table or headers, else from names (dark_000.png, bias, flat), else from level and structure.
     """
     import visaug
-    from visaug.inspection.kinds import load_pixels
+    from visaug.inspection.material import load_pixels
 
     frames = load_pixels(frames_path, bit_depth)
     silent = cli.is_silent(quiet, json_path)

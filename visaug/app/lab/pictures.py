@@ -14,10 +14,9 @@ from visaug.camera import Camera
 from visaug.core.errors import InputError
 from visaug.core.wording import frames_text
 from visaug.frames import FrameSet
-from visaug.report.html import Figure, Page, Text, figure, render
+from visaug.report.html import Figure, Page, Text, figure, footer, render
 from visaug.report.pages import described, diagnosis_sections, write_comparison, write_diagnosis
 from visaug.report.plots.error import plot_error_steps
-from visaug.report.provenance import footer
 from visaug.report.views import ViewGallery
 from visaug.statistics.conditions import labels
 

@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from visaug.augment.image_io.picture import Picture, check_single, three_axes
-from visaug.augment.image_io.transfer import Hints
+from visaug.augment.image_io.picture import Hints, Picture, check_single, three_axes
 from visaug.core.errors import InputError
 from visaug.frames.limits import pillow_image
 

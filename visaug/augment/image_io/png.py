@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from visaug.augment.image_io.picture import Picture, three_axes
+from visaug.augment.image_io.picture import Hints, Picture, three_axes
 from visaug.augment.image_io.pillow import exif_space
-from visaug.augment.image_io.transfer import Hints
 from visaug.core.errors import InputError
 from visaug.core.extras import extra
 from visaug.frames.limits import check_shape, pillow_image

@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from visaug.augment.image_io.picture import Picture, check_single, three_axes
+from visaug.augment.image_io.picture import Hints, Picture, check_single, three_axes
 from visaug.augment.image_io.pillow import read_with_pillow
 from visaug.augment.image_io.png import KORNIA_MODES
-from visaug.augment.image_io.transfer import Hints
 from visaug.core.errors import InputError
 from visaug.core.extras import extra
 from visaug.frames.limits import check_shape, opened_tiff

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -19,14 +19,15 @@ if TYPE_CHECKING:
 _POINT, _LINE, _SOFT, _THIRD = "#c2410c", "#0b5cad", "#7a8594", "#157f5b"
 
 
-def _new() -> tuple[Figure, Axes]:
+def _new(result: Characterization, curve: str) -> tuple[Mapping[str, np.ndarray], Figure, Axes]:
+    """The arrays of a curve, and an empty figure for them."""
     figure = blank(4.3, 2.25)  # inches: ten fill a page of A4
     axes = figure.subplots()
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color="#e6eaef", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.tick_params(which="both", labelsize=7.5)
-    return figure, axes
+    return result.curves[f"emva4_{curve}"], figure, axes
 
 
 def _finish(figure: Figure, axes: Axes, x: str, y: str) -> Figure:
@@ -39,8 +40,7 @@ def _finish(figure: Figure, axes: Axes, x: str, y: str) -> Figure:
 
 def sensitivity(result: Characterization) -> Figure:
     """Mean signal above dark against photons, with the standard's fit and its range."""
-    c = result.curves["emva4_sweep"]
-    figure, axes = _new()
+    c, figure, axes = _new(result, "sweep")
     photons, signal = c["photons"], c["mean_dn"] - c["dark_mean_dn"]
     last, top = int(c["last_fitted"][0]), int(c["saturation"][0])
     axes.plot(photons, signal, ".", color=_POINT, label="measured")
@@ -53,8 +53,7 @@ def sensitivity(result: Characterization) -> Figure:
 
 def photon_transfer(result: Characterization) -> Figure:
     """Temporal variance against mean, both above dark, with the standard's fit."""
-    c = result.curves["emva4_sweep"]
-    figure, axes = _new()
+    c, figure, axes = _new(result, "sweep")
     signal, variance = c["mean_dn"] - c["dark_mean_dn"], c["variance_dn2"] - c["dark_variance_dn2"]
     last, top = int(c["last_fitted"][0]), int(c["saturation"][0])
     axes.plot(signal, variance, ".", color=_POINT, label="measured")
@@ -67,8 +66,7 @@ def photon_transfer(result: Characterization) -> Figure:
 
 def snr(result: Characterization) -> Figure:
     """Signal-to-noise ratio against photons: measured, by the linear model, with non-uniformity, and ideal."""
-    c = result.curves["emva4_sweep"]
-    figure, axes = _new()
+    c, figure, axes = _new(result, "sweep")
     photons = c["photons"]
     ratio = (c["mean_dn"] - c["dark_mean_dn"]) / np.sqrt(np.maximum(c["variance_dn2"], 1e-12))
     seen = (photons > 0) & (ratio > 0)
@@ -98,8 +96,7 @@ def snr(result: Characterization) -> Figure:
 
 def linearity(result: Characterization) -> Figure:
     """Relative deviation of the signal from the standard's line, between 5 and 95 % of saturation."""
-    c = result.curves["emva4_linearity"]
-    figure, axes = _new()
+    c, figure, axes = _new(result, "linearity")
     axes.plot(c["photons"], 100 * c["deviation"], ".-", color=_POINT, linewidth=0.8)
     axes.axhline(0, color=_LINE, linewidth=1)
     for name in ("min", "max"):
@@ -110,8 +107,7 @@ def linearity(result: Characterization) -> Figure:
 
 
 def _dark(which: str, label: str, result: Characterization) -> Figure:
-    c = result.curves["emva4_dark"]
-    figure, axes = _new()
+    c, figure, axes = _new(result, "dark")
     t, y = 1e3 * c["exposure_s"], c[which]
     axes.plot(t, y, ".", color=_POINT, label="measured")
     if len(np.unique(t)) > 2:
@@ -127,8 +123,7 @@ def _plain(value: float, _: float) -> str:
 
 
 def _spectrogram(direction: str, what: str, unit: str, result: Characterization) -> Figure:
-    c = result.curves[f"emva4_{what}"]
-    figure, axes = _new()
+    c, figure, axes = _new(result, what)
     frequency, amplitude = c[f"{direction}_frequency"][1:], c[f"{direction}_amplitude"][1:]
     axes.semilogy(frequency, np.maximum(amplitude, 1e-9), color=_POINT, linewidth=0.8, label="measured")
     axes.axhline(c["noise"][0], color=_SOFT, linestyle="--", linewidth=1, label="temporal noise left")
@@ -138,8 +133,7 @@ def _spectrogram(direction: str, what: str, unit: str, result: Characterization)
 
 
 def _profile(direction: str, what: str, unit: str, result: Characterization) -> Figure:
-    c = result.curves[f"emva4_{what}"]
-    figure, axes = _new()
+    c, figure, axes = _new(result, what)
     for key, colour, label in (
         ("most", _SOFT, "largest"),
         ("least", _THIRD, "smallest"),
@@ -151,8 +145,7 @@ def _profile(direction: str, what: str, unit: str, result: Characterization) -> 
 
 
 def _histogram(what: str, unit: str, result: Characterization) -> Figure:
-    c = result.curves[f"emva4_{what}"]
-    figure, axes = _new()
+    c, figure, axes = _new(result, what)
     x, count, normal = c["deviation"], c["count"], c["normal"]
     seen, likely = count > 0, normal > 0.3
     axes.semilogy(x[seen], count[seen], ".", color=_POINT, markersize=3, label="measured")
@@ -161,8 +154,7 @@ def _histogram(what: str, unit: str, result: Characterization) -> Figure:
 
 
 def _accumulated(what: str, unit: str, result: Characterization) -> Figure:
-    c = result.curves[f"emva4_{what}"]
-    figure, axes = _new()
+    c, figure, axes = _new(result, what)
     axes.semilogy(c["beyond"], c["percent_beyond"], color=_POINT)
     return _finish(figure, axes, f"deviation from the mean, at least ({unit})", "share of pixels (%)")
 
