@@ -1,5 +1,6 @@
 """The noise of a camera, or of a population of cameras, on batches of images. Knows torch alone, no image library."""
 
+import inspect
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -28,18 +29,6 @@ from visaug.camera.scale import with_maps_at_strength
 from visaug.core.errors import InputError
 from visaug.core.sampling import derive_key, signed
 
-DEFAULTS: dict[str, Any] = {  # of the options that a repr names only where they differ
-    "fixed_pattern": "image",
-    "black_level": "subtract",
-    "resolution": "network",
-    "mono": None,
-    "gain_db": None,
-    "exposure": None,
-    "strength": 1.0,
-    "full_scale_photons": None,
-    "origin": None,
-    "fast": True,
-}
 Source = Camera | str | Path | Mapping[str, Any]
 
 
@@ -334,9 +323,11 @@ class SensorNoise(nn.Module):
         if len(self.cameras) > 3:
             words = [f"{len(self.cameras)} cameras"]
         words += [f"transfer={self.transfer!r}", f"seed={self.seed}"]
-        for name, default in DEFAULTS.items():
+        defaults = inspect.signature(SensorNoise).parameters
+        further = ("gain_db", "exposure", "strength", "full_scale_photons", "origin", "fast")
+        for name in ("fixed_pattern", "black_level", "resolution", "mono", *further):
             value = getattr(self, name)
-            if value != default:
+            if value != defaults[name].default:
                 a_range = name in ("gain_db", "exposure")
                 value = value[0] if a_range and value[0] == value[-1] else value
                 words.append(f"{name}={value!r}")

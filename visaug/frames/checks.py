@@ -156,14 +156,9 @@ def _lit_bias(frames: FrameSet, means: np.ndarray, spreads: np.ndarray) -> list[
         scatter = MAD * np.median(np.abs(means[indices] - level))
         if len(indices) > 2:
             lit += [int(i) for i in indices if means[i] - level > max(6 * scatter, 0.25 * spread, 0.5)]
-        alike = (group.gain_db, group.temperature_c, group.window)
-        darks = [
-            g
-            for g in frames.groups()
-            if g.kind == "dark"
-            and (g.gain_db, g.temperature_c, g.window) == alike
-            and g.exposure_s >= group.exposure_s
-        ]
+        same = ("dark", group.gain_db, group.temperature_c, group.window)
+        darks = [g for g in frames.groups() if (g.kind, g.gain_db, g.temperature_c, g.window) == same]
+        darks = [g for g in darks if g.exposure_s >= group.exposure_s]
         if darks:
             shortest = min(darks, key=lambda g: g.exposure_s)
             dark_level = np.median(means[list(shortest.indices)])

@@ -177,14 +177,10 @@ def parse_resolution(text: str | None) -> tuple[int, int] | None:
 
 def frame_files(folder: Path) -> list[Path]:
     """Files that may hold frames, in natural order of their paths (2 before 10)."""
-    files = [
-        f
-        for f in folder.rglob("*")
-        if pixels.suffix_of(f) in pixels.SUFFIXES
-        and not any(part.startswith(".") for part in f.relative_to(folder).parts)
-        and f.is_file()
-    ]
-    return sorted(files, key=lambda f: natural(f.relative_to(folder).as_posix()))
+    named = [f for f in folder.rglob("*") if pixels.suffix_of(f) in pixels.SUFFIXES]
+    paths = {f.relative_to(folder): f for f in named}
+    visible = [p for p in paths if not any(part.startswith(".") for part in p.parts) and paths[p].is_file()]
+    return [paths[p] for p in sorted(visible, key=lambda p: natural(p.as_posix()))]
 
 
 def natural(text: str) -> list[tuple[int, int, str]]:

@@ -141,9 +141,9 @@ def _defects(result: Characterization, what: str) -> dict[str, Any] | None:
 
 
 def _figures(result: Characterization) -> list[Figure]:
-    return [
-        figure(draw(result), title, f"{title}. {shown or draw.__doc__}", wide=False)
-        for title, shown, curve, needs, draw in FIGURES
-        if curve in result.curves and len(next(iter(result.curves[curve].values())))
-        if all(name in result.parameters for name in needs)
-    ]
+    found = []
+    for title, shown, curve, needs, draw in FIGURES:
+        there = curve in result.curves and len(next(iter(result.curves[curve].values())))
+        if there and all(name in result.parameters for name in needs):
+            found.append(figure(draw(result), title, f"{title}. {shown or draw.__doc__}", wide=False))
+    return found

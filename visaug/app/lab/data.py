@@ -44,15 +44,10 @@ def map_data(title: str, first: np.ndarray, second: np.ndarray) -> dict[str, Any
     """
     step = -(-max(first.shape[:2]) // LARGEST_MAP)
     arrays = [_reduced(np.asarray(a, np.float32), step) for a in (first, second)]
-    height, width = arrays[0].shape[:2]
-    return {
-        "title": title,
-        "height": height,
-        "width": width,
-        "channels": arrays[0].shape[2] if arrays[0].ndim == 3 else 1,
-        "step": step,
-        "values": [base64.b64encode(a.astype("<f4").tobytes()).decode() for a in arrays],
-    }
+    height, width, channels = (*arrays[0].shape, 1)[:3]
+    values = [base64.b64encode(a.astype("<f4").tobytes()).decode() for a in arrays]
+    size = {"height": height, "width": width, "channels": channels, "step": step}
+    return {"title": title, **size, "values": values}
 
 
 def _aligned(label: str, measured: tuple[Any, Any], modelled: tuple[Any, Any]) -> dict[str, Any]:
