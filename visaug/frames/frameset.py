@@ -103,8 +103,7 @@ class FrameSet:
             records, bits, shape = sources.read_descriptor(files[0], warnings)
             bit_depth, resolution = bit_depth or bits, resolution or shape
             warnings.append(
-                f"order_assumed: {files[0].name} does not state the order of acquisition; the order "
-                "of its list is used"
+                f"order_assumed: {files[0].name} does not state the order of acquisition; the order of its list is used"
             )
         elif kind == "fits":
             records = sources.read_headed(root, files, warnings)

@@ -107,8 +107,7 @@ def plan_groups(
     )
     add(
         "flats",
-        f"uniform light at {len(levels)} levels from {min(levels):g} to {max(levels):g} of saturation, photons per "
-        "pixel measured",
+        f"uniform light at {len(levels)} levels from {min(levels):g} to {max(levels):g} of saturation, photons per pixel measured",
         "gain by photon transfer, quantum efficiency, PRNU by row, column and pixel, linearity, full well, vignetting",
         "gain, and with it all figures in electrons; without `photons` only the quantum efficiency",
         [frame("flat", exposure_s, photons=round(p)) for p in light for _ in range(repeats)],

@@ -242,8 +242,7 @@ def _notes(found: Survey) -> list[str]:
         )
     if lacking := found.missing("kind"):
         notes.append(
-            f"kind: not known for {names(lacking)}; put them into folders named bias, dark or flat, or fill "
-            "in the column kind"
+            f"kind: not known for {names(lacking)}; put them into folders named bias, dark or flat, or fill in the column kind"
         )
     if lacking := found.missing("exposure_s"):
         notes.append(
@@ -270,8 +269,7 @@ def _notes(found: Survey) -> list[str]:
         notes.append(f"kind: header and name disagree for {names(unlike)}; the header is used")
     if masters := [r for r in rows if r["combined"] != 1]:
         notes.append(
-            f"combined: {names(masters)} are combined from several exposures; they are not raw frames and give no "
-            "temporal noise"
+            f"combined: {names(masters)} are combined from several exposures; they are not raw frames and give no temporal noise"
         )
     for word in dict.fromkeys(word for r in rows for word in r["_said"]):
         those = [r for r in rows if word in r["_said"]]

@@ -169,13 +169,9 @@ def places(records: Sequence[FrameRecord]) -> list[tuple[str, str | None, tuple[
         expected = "file.npz#key[index]" if archive else "a key in .npz alone"
         check(archive == bool(key), record, "names no array", expected)
         several = archive or bool(index)
+        same = files.setdefault(file, several) == several
         expected = "an index for each frame, or one file per frame"
-        check(
-            files.setdefault(file, several) == several,
-            record,
-            "is used for one frame and for several",
-            expected,
-        )
+        check(same, record, "is used for one frame and for several", expected)
         found.append((file, key, numbers))
     seen: set[tuple] = set()
     for record, place in zip(records, found, strict=True):

@@ -98,8 +98,7 @@ def _lost_bits(codes: CodeCounts) -> Finding | None:
     return Finding(
         "code_gaps",
         "fixed",
-        f"Only every {step}th code comes: the lowest {bits} bits are always 0; a step of {step} DN adds noise of "
-        f"{noise:.2g} DN.",
+        f"Only every {step}th code comes: the lowest {bits} bits are always 0; a step of {step} DN adds noise of {noise:.2g} DN.",
         f"the lowest {bits} bits lost",
         2 * float(codes.counts.sum()) * math.log(step),
         amplitude_dn=noise,

@@ -169,8 +169,7 @@ def _defects(look: FrameGroup, word: str, where: np.ndarray) -> Finding | None:
     return Finding(
         f"{word}_pixels",
         look.fixed,
-        f"{pixels} at (row, column) {places}: {number(typical)} DN {side} the neighbours"
-        f"{' in every frame' if look.fixed else ''}.",
+        f"{pixels} at (row, column) {places}: {number(typical)} DN {side} the neighbours{' in every frame' if look.fixed else ''}.",
         pixels,
         look.count * float(np.log1p((heights / max(look.noise_dn, 0.3)) ** 2).sum()),
         **_pixels(where, word, heights, typical, error),

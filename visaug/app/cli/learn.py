@@ -40,8 +40,7 @@ def demo(output: Path, full: bool, seed: int) -> None:
 @cli.command(
     "prepare",
     example="visaug prepare speedplusv2.zip -o datasets/speedplus\n"
-    "visaug prepare speed.zip -o datasets/speed --coco --size 640x400\n"
-    "visaug prepare datasets/speed",
+    "visaug prepare speed.zip -o datasets/speed --coco --size 640x400\nvisaug prepare datasets/speed",
 )
 @click.argument("archive", metavar="ARCHIVE", type=click.Path(path_type=Path))
 @cli.output_option(

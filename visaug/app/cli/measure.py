@@ -57,8 +57,7 @@ MISFIT = 3  # exit status of `compare --fail-on-misfit`; 1 and 2 are failures of
 @cli.path_option(
     "--sheet sheets",
     "F.html|F.json",
-    "Write the EMVA 1288 release 4 data sheet for each operating point, as a page to print or as JSON. "
-    "May be repeated.",
+    "Write the EMVA 1288 release 4 data sheet for each operating point, as a page to print or as JSON. May be repeated.",
     multiple=True,
 )
 @cli.result_options

@@ -73,14 +73,9 @@ def command(name: str, *, example: str) -> Callable[[Callable], click.Command]:
 def camera_option(required: bool = True, if_repeated: str = "") -> Decorator:
     """`--camera`; `if_repeated` says what a command that takes several does with them."""
     text = "A camera.yaml, or the name of a camera in the package or of your own (see `visaug cameras`)."
-    return click.option(
-        "--camera",
-        "camera_names" if if_repeated else "camera_name",
-        metavar="CAMERA",
-        required=required,
-        multiple=bool(if_repeated),
-        help=f"{text} {if_repeated}".strip(),
-    )
+    names = "--camera camera_names" if if_repeated else "--camera camera_name"
+    more = {"required": required, "multiple": bool(if_repeated)}
+    return option(names, "CAMERA", f"{text} {if_repeated}".strip(), **more)
 
 
 def check_result(context: click.Context, _: click.Parameter, path: Path | None) -> Path | None:

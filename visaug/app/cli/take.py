@@ -61,8 +61,7 @@ def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed:
 @cli.option(
     "--temperatures temperatures_c",
     "C,C,... | none",
-    "Temperatures of the dark series, in degrees Celsius; all other frames use the first. "
-    "`none` if not known.",
+    "Temperatures of the dark series, in degrees Celsius; all other frames use the first. `none` if not known.",
 )
 @click.option("--gains-db", metavar="DB,DB,...", help="Gain settings, in dB; all other frames use the first.")
 @click.option("--repeats", type=int, metavar="N", help="Frames per setting, 2 or more.")

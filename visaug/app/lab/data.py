@@ -15,7 +15,7 @@ from visaug.augment.files import add_noise
 from visaug.augment.image_io import Picture, read_picture
 from visaug.augment.preview import middle
 from visaug.camera import Camera
-from visaug.core.errors import InputError, naming
+from visaug.core.errors import naming
 from visaug.core.wording import label_text
 from visaug.frames.limits import lower_limit
 from visaug.statistics.view import ViewPlot
@@ -102,13 +102,10 @@ class OwnPicture:
         with TemporaryDirectory(prefix="visaug-lab-") as folder:
             path = Path(folder) / f"picture{Path(name).suffix.lower()}"
             path.write_bytes(content)
-            try:
-                # noise on so many takes some seconds and 2 GB
-                expected = "at most 16 million; `visaug augment` takes larger pictures"
-                with lower_limit(16_000_000, expected):
-                    picture = read_picture(path)
-            except InputError as mistake:
-                raise InputError(mistake.problem, file=name, expected=mistake.expected) from None
+            # Noise on so many takes some seconds and 2 GB.
+            most, expected = 16_000_000, "at most 16 million; `visaug augment` takes larger pictures"
+            with naming(name), lower_limit(most, expected):
+                picture = read_picture(path)
         return cls(name, picture, hashlib.blake2b(content, digest_size=8).hexdigest())
 
     def through(self, camera: Camera, seed: int, exposure: float = 1.0) -> dict[str, Any]:
