@@ -20,8 +20,7 @@ from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug.core.progress import Progress, phase_of
 from visaug.frames import FrameRecord, FrameSet
-from visaug.report.html import Page, Section, figure, write_page
-from visaug.report.provenance import footer
+from visaug.report.html import Page, Section, figure, footer, write_page
 from visaug_train.arms import Arm, Vis
 from visaug_train.checks import check_arms
 from visaug_train.config import Config, load_config

@@ -2,8 +2,7 @@
 
 import pytest
 
-from visaug.frames.kinds import kind_of
-from visaug.frames.names import facts_of_name, kind_of_name, read_name
+from visaug.frames.names import facts_of_name, kind_of, kind_of_name, read_name
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import pytest
 
 from visaug.core.errors import InputError
 from visaug.frames import FrameRecord, read_table, write_table
-from visaug.frames.kinds import is_master, kind_of
+from visaug.frames.names import is_master, kind_of
 from visaug.frames.record import group_records, parse_window
 
 HEADER = "sequence,file,kind,exposure_s,temperature_c,gain_db,photons,clean"

@@ -11,11 +11,10 @@ from PIL import Image
 
 import visaug
 from visaug.frames import FrameRecord, FrameSet
-from visaug.report.headline import COUNTED
+from visaug.report.headline import COUNTED, verdict_row
 from visaug.report.pages import write_comparison, write_diagnosis
 from visaug.report.plots.error import plot_error_steps, plot_ranking
 from visaug.report.plots.view import plot_view
-from visaug.report.verdict_text import verdict_row
 
 CAMERA = {
     "name": "plain",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from visaug.augment.albumentations_noise import AlbumentationsNoise
     from visaug.augment.draws import draws_from_json, draws_to_json
-    from visaug.augment.image_noise import ImageNoise
+    from visaug.augment.images import ImageNoise
     from visaug.augment.light import image_to_photons, irradiance_to_photons, linear_to_srgb, srgb_to_linear
     from visaug.augment.sensor_noise import SensorNoise
     from visaug.augment.torchvision_noise import TorchvisionNoise
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "AlbumentationsNoise": "albumentations_noise",
-    "ImageNoise": "image_noise",
+    "ImageNoise": "images",
     "SensorNoise": "sensor_noise",
     "TorchvisionNoise": "torchvision_noise",
     "VISNoise": "visnoise",

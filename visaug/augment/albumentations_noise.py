@@ -11,7 +11,7 @@ import torch
 from torch.utils.data import get_worker_info
 
 from visaug.augment.draws import nth_frame
-from visaug.augment.image_noise import ImageNoise, channel_order, probability
+from visaug.augment.images import ImageNoise, channel_order, probability
 from visaug.augment.sensor_noise import SensorNoise, Source
 from visaug.augment.under_ultralytics import hook
 from visaug.camera import Camera
@@ -122,18 +122,12 @@ def _plain(camera: Source) -> str | dict[str, Any]:
 
 def _signature() -> inspect.Signature:
     """The options by name. Without a schema albumentations passes keywords on as they are; its help shows the signature."""
-    options = [
-        parameter
-        for parameter in inspect.signature(SensorNoise).parameters.values()
-        if parameter.kind is inspect.Parameter.KEYWORD_ONLY
-    ]
-    own = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default)
-        for name, default in (("p", 1.0), ("bits", None), ("order", None))
-    ]
-    camera = inspect.Parameter("camera", inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    bare = [option.replace(annotation=inspect.Parameter.empty) for option in options]
-    return inspect.Signature([camera, *own, *bare])
+    one = inspect.Parameter
+    further = inspect.signature(SensorNoise).parameters.values()
+    options = {"p": 1.0, "bits": None, "order": None}
+    options |= {p.name: p.default for p in further if p.kind is one.KEYWORD_ONLY}
+    named = [one(name, one.KEYWORD_ONLY, default=default) for name, default in options.items()]
+    return inspect.Signature([one("camera", one.POSITIONAL_OR_KEYWORD), *named])
 
 
 AlbumentationsNoise.__signature__ = _signature()

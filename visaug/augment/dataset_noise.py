@@ -36,11 +36,9 @@ def with_bands(noise: nn.Module, channels: int) -> tuple[nn.Module, str]:
     if channels in (1, 3) or not parts:
         return noise, ""
     if any(part.mono or any(camera.spec.colour for camera in part.cameras) for part in parts):
-        raise InputError(
-            f"images have {channels} channels, which one sensor cannot give",
-            field="data.yaml: channels",
-            expected="a camera without `colour`, and mono=False or none",
-        )
+        problem = f"images have {channels} channels, which one sensor cannot give"
+        expected = "a camera without `colour`, and mono=False or none"
+        raise InputError(problem, field="data.yaml: channels", expected=expected)
     noise = copy.deepcopy(noise)
     for part in noise.modules():
         if isinstance(part, SensorNoise):
@@ -61,8 +59,7 @@ def transfer_of_files(files: Sequence[str]) -> tuple[str, str]:
 
 def image_files(dataset: Any) -> list[str]:
     """Paths of the images of a dataset of ultralytics, or of several as one."""
-    parts = getattr(dataset, "datasets", [dataset])
-    files = [
-        getattr(part, "im_files", None) or [one[0] for one in getattr(part, "samples", ())] for part in parts
-    ]
-    return [str(file) for some in files for file in some]
+    files: list[Any] = []
+    for part in getattr(dataset, "datasets", [dataset]):
+        files += getattr(part, "im_files", None) or [one[0] for one in getattr(part, "samples", ())]
+    return [str(file) for file in files]

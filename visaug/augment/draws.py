@@ -28,12 +28,10 @@ def draws_to_json(draws: Mapping[str, Tensor] | Sequence[Any]) -> Any:
     Args:
         draws: of `SensorNoise` or `VISNoise`, or the `_params` of a kornia container, whatever its other augmentations.
     """
-    if not isinstance(draws, Mapping):
-        return [
-            {"name": item.name, "data": None if item.data is None else draws_to_json(item.data)}
-            for item in draws
-        ]
-    return {name: _plain(name, value) for name, value in draws.items()}
+    if isinstance(draws, Mapping):
+        return {name: _plain(name, value) for name, value in draws.items()}
+    held = [(item.name, item.data) for item in draws]
+    return [{"name": name, "data": None if data is None else draws_to_json(data)} for name, data in held]
 
 
 def draws_from_json(plain: Any) -> Any:
@@ -68,16 +66,10 @@ def _plain(name: str, value: Tensor) -> Any:
     """A list; with its type where that would not come back by itself."""
     if name in KEYS:
         return [f"{key % 2**64:016x}" for key in value.tolist()]
-    own = value.numel() > 0 and value.dtype in (torch.float32, torch.int64, torch.bool)
-    return (
-        value.tolist()
-        if own
-        else {
-            "type": str(value.dtype).removeprefix("torch."),
-            "shape": list(value.shape),
-            "values": value.flatten().tolist(),
-        }
-    )
+    if value.numel() > 0 and value.dtype in (torch.float32, torch.int64, torch.bool):
+        return value.tolist()
+    kind = str(value.dtype).removeprefix("torch.")
+    return {"type": kind, "shape": list(value.shape), "values": value.flatten().tolist()}
 
 
 def _tensor(name: str, plain: Any) -> Tensor:

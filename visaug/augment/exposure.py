@@ -1,7 +1,7 @@
 """One exposure of a batch of images by one camera: numbers, scale and random numbers, and both implementations of the chain."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor
@@ -13,7 +13,8 @@ from visaug.camera.colour import ColourPath
 from visaug.camera.scale import at_strength, scale_of
 from visaug.core.sampling import Stream
 
-NOMINAL = torch.ones(1)  # share of the saturation exposure
+if TYPE_CHECKING:
+    from visaug.augment.sensor_noise import SensorNoise
 
 
 class Exposure:
@@ -25,8 +26,7 @@ class Exposure:
         changed: the camera's numbers that are drawn for each image or given by the user, by path.
         device: of the images.
         may_be_fast: the fused implementation is taken where it has the camera's law.
-        one_specimen: every image has the fixed pattern of one camera.
-        strength, black_level, full_scale_photons, origin: options of `SensorNoise`.
+        noise: whose options are taken: fixed_pattern, strength, black_level, full_scale_photons, origin.
 
     Attributes:
         fused: whether the fused implementation is taken; if not, the differentiable chain.
@@ -41,34 +41,31 @@ class Exposure:
         draws: Mapping[str, Tensor],
         changed: Mapping[str, Tensor],
         device: torch.device,
-        *,
         may_be_fast: bool,
-        one_specimen: bool,
-        strength: float,
-        black_level: str,
-        full_scale_photons: float | None,
-        origin: tuple[int, int] | None,
+        noise: "SensorNoise",
     ):
-        self.camera, self.keys, self.origin = camera, draws["keys"], origin
+        self.camera, self.keys, self.origin = camera, draws["keys"], noise.origin
+        one_specimen = noise.fixed_pattern == "camera"  # every image has its fixed pattern
         clips = 1 if one_specimen else _number_of_clips(draws) if may_be_fast else 0
         self.kept = clips == 1
         self.patterns = draws["pattern_keys"][:1] if self.kept else draws["pattern_keys"]
-        share = draws.get("exposure", NOMINAL)
+        share = draws.get("exposure", torch.ones(1))  # of the saturation exposure
         self.values: Mapping[str, Any] = {}
         # The tables take pixel patterns that are drawn anew for temporal noise, so none that some images share.
         if may_be_fast and clips <= 1:
             own = {path: value.detach().double().cpu().numpy().reshape(-1) for path, value in changed.items()}
-            self.values = at_strength(camera.arrays() | own, strength)
+            self.values = at_strength(camera.arrays() | own, noise.strength)
         self.fused = bool(self.values) and fast.suits(camera, self.values)
         if self.fused:
             share = share.double().numpy()
         else:
             self.values = {
                 path: torch.as_tensor(value, dtype=torch.float32, device=device).reshape(-1, 1, 1, 1)
-                for path, value in at_strength(camera.values() | dict(changed), strength).items()
+                for path, value in at_strength(camera.values() | dict(changed), noise.strength).items()
             }
             share = share.to(device, torch.float32).view(-1, 1, 1, 1)
-        self.scale = scale_of(camera, self.values, share, black_level == "subtract", full_scale_photons)
+        subtract, full_scale = noise.black_level == "subtract", noise.full_scale_photons
+        self.scale = scale_of(camera, self.values, share, subtract, full_scale)
 
     def of_light(self, light: Tensor, path: ColourPath | None, scale: int) -> Tensor:
         """One exposure of each image, (B, C, H, W) float32 in [0, 1].

@@ -17,9 +17,8 @@ import numpy as np
 import torch
 
 from visaug.augment.image_io import SUFFIXES, Picture, read_picture, write_picture
-from visaug.augment.image_noise import probability, used_bits
-from visaug.augment.images import check_bits
-from visaug.augment.jobs import CopyPlan, check_kept, find_label, label_place, plan_jobs
+from visaug.augment.images import check_bits, probability, used_bits
+from visaug.augment.jobs import check_kept, find_label, label_place, plan_jobs
 from visaug.augment.journal import JOURNAL as JOURNAL
 from visaug.augment.journal import Journal, content_of, made_of, place_of, settings_of
 from visaug.augment.label_images import why_labels
@@ -108,7 +107,7 @@ def augment_files(
             changed since.
         progress: called with (description, files done, files in all).
         options: passed to `SensorNoise`, e.g. transfer="srgb" or gain_db=(0, 24). transfer="auto" decides by
-            each file; see `visaug.augment.image_io.transfer`.
+            each file; see `visaug.augment.image_io.picture`.
 
     Returns:
         What was done. Pictures that cannot be used are named in it and do not stop the others. A file that looks like
@@ -125,8 +124,12 @@ def augment_files(
     if output.suffix.lower() in SUFFIXES and not output.exists():
         raise InputError("is the name of a picture", file=output, expected="a folder for the copies")
     jobs = plan_jobs([Path(path) for path in inputs], output, copies, include, exclude)
-    carried = _carried(jobs, copies) if labels else {}
-    yolo = _yolo_labels(jobs, output) if labels else {}
+    yolo = {name: label for name in jobs.sources if labels and (label := find_label(jobs.sources[name]))}
+    carried: dict[str, Path] = {}  # files that go along as they are: all others, but for YOLO labels
+    if labels and copies == 1:
+        own = {label.resolve() for label in yolo.values()}
+        carried = {name: other for name, other in jobs.others.items() if other.resolve() not in own}
+    yolo = {_label_name(output, name): label for name, label in yolo.items()}
     check_kept(output, {**jobs.sources, **carried, **yolo})
     noise = SensorNoise(camera, **options)
     work = _Work(output, noise, seed, p, bits, force, settings_of(noise, seed, p, bits, options))
@@ -164,20 +167,6 @@ def augment_files(
     return done
 
 
-def _carried(jobs: CopyPlan, copies: int) -> dict[str, Path]:
-    """Files that go along as they are: all others, but for YOLO labels, which have places of their own."""
-    if copies > 1:
-        return {}
-    labels = {label.resolve() for label in map(find_label, set(jobs.sources.values())) if label is not None}
-    return {name: source for name, source in jobs.others.items() if source.resolve() not in labels}
-
-
-def _yolo_labels(jobs: CopyPlan, output: Path) -> dict[str, Path]:
-    """Place below the output folder -> YOLO labels, of the copies whose originals have some."""
-    found = {name: find_label(source) for name, source in jobs.sources.items()}
-    return {_label_name(output, name): label for name, label in found.items() if label is not None}
-
-
 def _label_name(output: Path, name: str) -> str:
     """Where the YOLO labels of a copy go, from the output folder."""
     return os.path.relpath(label_place(output / name), os.path.abspath(output))
@@ -210,7 +199,8 @@ class _Work:
             self.done.like_labels[why] += 1
             self.write(name, of + AS_IT_IS, lambda temporary: shutil.copyfile(source, temporary))
             return
-        seed = _seed_of(self.seed, name)
+        place = f"{self.seed}/{name}".encode(errors="surrogateescape")
+        seed = int.from_bytes(hashlib.blake2b(place, digest_size=8).digest(), "little") >> 1
         generator = torch.Generator().manual_seed(seed)
         if float(torch.rand((), generator=generator, dtype=torch.float64)) >= self.p:
             self.write(name, of, lambda temporary: shutil.copyfile(source, temporary))
@@ -309,23 +299,14 @@ def _white(picture: Picture, bits: int | None) -> float:
     if light.dtype.kind == "f":
         there = light[np.isfinite(light)]
         if there.max(initial=0) > 1 and np.array_equal(there, np.round(there)):
-            raise InputError(
-                f"holds whole numbers up to {there.max():g} as floating point",
-                expected="values in [0, 1]: divide by the value of white (255 for 8-bit data)",
-            )
+            problem = f"holds whole numbers up to {there.max():g} as floating point"
+            expected = "values in [0, 1]: divide by the value of white (255 for 8-bit data)"
+            raise InputError(problem, expected=expected)
         return 1.0
     if bits is None:
         return float(np.iinfo(light.dtype).max)
     top = 2**bits - 1
     if light.max(initial=0) > top:
-        raise InputError(
-            f"contains the value {light.max()}",
-            field="bits",
-            expected=f"at most {top}, the highest value of {bits} bits, or another number of bits",
-        )
+        expected = f"at most {top}, the highest value of {bits} bits, or another number of bits"
+        raise InputError(f"contains the value {light.max()}", field="bits", expected=expected)
     return float(top)
-
-
-def _seed_of(seed: int, name: str) -> int:
-    digest = hashlib.blake2b(f"{seed}/{name}".encode(errors="surrogateescape"), digest_size=8).digest()
-    return int.from_bytes(digest, "little") >> 1

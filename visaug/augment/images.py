@@ -1,11 +1,12 @@
-"""Images as datasets hand them out, PIL, NumPy and tensors of 8 bit, 16 bit and floats: to the sensor and back.
+"""Images as datasets hand them out, PIL, NumPy and tensors of 8 bit, 16 bit and floats: to the sensor and back; and `ImageNoise`.
 
 Channels: 1 is gray, 3 colour; 2 and 4 are gray and colour with alpha, which is no light and stays as it is; more are bands.
 See `visaug.augment.light.light_channels`.
 """
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -13,13 +14,12 @@ import torch
 from torch import Tensor
 
 from visaug.augment.light import light_channels
-from visaug.augment.options import MOST, check_pixels
-from visaug.augment.sensor_noise import SensorNoise
+from visaug.augment.options import MOST, check_pixels, is_whole
+from visaug.augment.sensor_noise import SensorNoise, Source
 from visaug.core.errors import InputError
 
 DEPTHS = {torch.uint8: 8, torch.uint16: 16}
-WORDS = ("I;16", "I;16L", "I;16B", "I;16N")  # Pillow's names of 16 bit, by the order of the bytes
-PIL_MODES = ("L", "LA", "RGB", "RGBA", *WORDS)
+PIL_MODES = ("L", "LA", "RGB", "RGBA", "I;16", "I;16L", "I;16B", "I;16N")  # 16 bit by the order of the bytes
 # Pillow's convert() cuts these two at 255.
 PIL_ARRAYS = {"I": "np.asarray(image).astype(np.uint16)", "F": "np.asarray(image), scaled to [0, 1]"}
 
@@ -63,11 +63,9 @@ def check_bits(bits: int | None, kind: str) -> None:
         kind: name of the type, for example uint8.
     """
     if bits is not None and kind != "uint16" and not (kind == "uint8" and bits == 8):
-        raise InputError(
-            f"{bits} bit are given for an image of {kind}, whose range is known",
-            field="bits",
-            expected="no number of bits; only images of uint16 need one",
-        )
+        problem = f"{bits} bit are given for an image of {kind}, whose range is known"
+        expected = "no number of bits; only images of uint16 need one"
+        raise InputError(problem, field="bits", expected=expected)
 
 
 def take(
@@ -95,27 +93,20 @@ def take(
         return torch.cat([noisy[:, :3].flip(1), noisy[:, 3:]], 1)
     light = images[:, :colours]
     transfer = "srgb" if images.dtype == torch.uint8 and colours == 3 else "linear"
-    with torch.no_grad():
-        noisy = _taken(noise, light, draws, bits, transfer)
-    return noisy if colours == images.shape[1] else torch.cat([noisy, images[:, colours:]], 1)
-
-
-def _taken(
-    noise: SensorNoise, light: Tensor, draws: Mapping[str, Tensor], bits: int | None, transfer: str
-) -> Tensor:
     linear = (transfer if noise.transfer == "auto" else noise.transfer) == "linear"
-    if light.dtype in DEPTHS and linear:
-        check_bits(bits, str(light.dtype).removeprefix("torch."))
-        white = _top(light.dtype, bits)
-        words = noise.apply_to_words(light, draws, white) if _within(light, bits, white) else None
-        if words is not None:
-            return words
-    return from_unit(noise.apply_draws(to_unit(light, bits), draws, transfer=transfer), light.dtype, bits)
-
-
-def _within(light: Tensor, bits: int | None, white: int) -> bool:
-    """Whether no word is above white; only `bits` below those of the type allow any."""
-    return bits is None or white == 2 ** DEPTHS[light.dtype] - 1 or int(light.to(torch.int32).max()) <= white
+    noisy = None
+    with torch.no_grad():
+        if light.dtype in DEPTHS and linear:
+            check_bits(bits, str(light.dtype).removeprefix("torch."))
+            white = _top(light.dtype, bits)
+            # Words above white are there only where `bits` are below those of the type.
+            whole = bits is None or white == 2 ** DEPTHS[light.dtype] - 1
+            if whole or int(light.to(torch.int32).max()) <= white:
+                noisy = noise.apply_to_words(light, draws, white)
+        if noisy is None:
+            unit = noise.apply_draws(to_unit(light, bits), draws, transfer=transfer)
+            noisy = from_unit(unit, light.dtype, bits)
+    return noisy if colours == images.shape[1] else torch.cat([noisy, images[:, colours:]], 1)
 
 
 def say_what_auto_means(noise: SensorNoise) -> None:
@@ -125,10 +116,8 @@ def say_what_auto_means(noise: SensorNoise) -> None:
     """
     if noise.transfer == "auto" and not _said:
         _said.append("auto")
-        _log.warning(
-            "transfer='auto': colour images of 8 bit are taken as sRGB, all others as linear in light; "
-            "transfer='srgb' or 'linear' decides"
-        )
+        taken = "colour images of 8 bit are taken as sRGB, all others as linear in light"
+        _log.warning(f"transfer='auto': {taken}; transfer='srgb' or 'linear' decides")
 
 
 def to_tensor(image: Any) -> Tensor:
@@ -146,10 +135,8 @@ def to_tensor(image: Any) -> Tensor:
             raise InputError(f"an image has shape {image.shape}", expected="(H, W) or (H, W, C)")
         planes = image[..., None] if image.ndim == 2 else image
         if planes.shape[2] > 4 and 1 <= planes.shape[0] <= 4:
-            raise InputError(
-                f"an array has shape {image.shape}, channels first",
-                expected="(H, W, C), or a tensor (C, H, W)",
-            )
+            problem = f"an array has shape {image.shape}, channels first"
+            raise InputError(problem, expected="(H, W, C), or a tensor (C, H, W)")
         native = planes.astype(planes.dtype.newbyteorder("="), copy=False)  # FITS and some TIFF: big-endian
         whole = np.ascontiguousarray(native.transpose(2, 0, 1))
         # nothing writes to it, but PyTorch warns of memory that is read-only
@@ -163,10 +150,8 @@ def to_tensor(image: Any) -> Tensor:
         raise InputError(f"an image is a {type(image).__name__}", expected="PIL, NumPy or a tensor")
     channels_last = place == 0 and tensor.shape[0] > 4 and tensor.shape[2] <= 4
     if not tensor.shape[0] or channels_last:
-        raise InputError(
-            f"an image has shape {tuple(image.shape)}" + (", channels last" if channels_last else ""),
-            expected="(C, H, W) in a tensor and (H, W, C) in an array",
-        )
+        problem = f"an image has shape {tuple(image.shape)}" + (", channels last" if channels_last else "")
+        raise InputError(problem, expected="(C, H, W) in a tensor and (H, W, C) in an array")
     return tensor
 
 
@@ -183,3 +168,96 @@ def like(noisy: Tensor, image: Any) -> Any:
     made = Image.fromarray(plane.astype(">u2") if image.mode == "I;16B" else plane)
     made.info = dict(image.info)
     return made
+
+
+class ImageNoise:
+    """A callable that adds camera noise to one image, for a dataset's `transform`.
+
+    Random numbers follow `torch.manual_seed`. Each DataLoader worker has its own stream, and a seeded run is reproducible.
+
+    Args:
+        camera: see `SensorNoise`.
+        p: probability that noise is applied to an image, 0 to 1.
+        bits: number of bits used in uint16 data if fewer than 16: 10, 12 or 14.
+        order: order of the colour channels of arrays and tensors: "RGB", or "BGR" as OpenCV has them. PIL images state theirs.
+        options: keywords of `SensorNoise`. With transfer="auto", 8-bit colour images are taken as sRGB, all others as
+            linear.
+
+    Shape:
+        PIL image, tensor (C, H, W), or array (H, W) or (H, W, C); uint8, uint16 or float in [0, 1] -> the same. C is 1 or
+        3, or 2 or 4 with an alpha channel, which is not changed; more are bands, as are all with mono=False, each with
+        noise of its own.
+
+    Raises:
+        InputError: an option or an image that is not valid.
+
+    Examples:
+        >>> import numpy as np
+        >>> from visaug.augment import ImageNoise
+        >>> ImageNoise("sony_imx174", transfer="srgb")(np.full((8, 8, 3), 120, np.uint8)).shape
+        (8, 8, 3)
+    """
+
+    def __init__(
+        self,
+        camera: Source | Sequence[Source],
+        p: float = 1.0,
+        bits: int | None = None,
+        order: str = "RGB",
+        **options: Any,
+    ):
+        self.noise = SensorNoise(camera, **options)
+        say_what_auto_means(self.noise)
+        self.p, self.bits, self.order = probability(p), used_bits(bits), channel_order(order)
+
+    def __call__(self, image: Any) -> Any:
+        to_tensor(image)  # refuses what is no image, whether or not it gets noise
+        if torch.rand(()) >= self.p:
+            return image
+        return self.noised(image, self.noise.draw(1), self.order)
+
+    def noised(self, image: Any, draws: Mapping[str, torch.Tensor], order: str) -> Any:
+        """The image with the noise of the draws; order is that of an array or tensor."""
+        is_pil = hasattr(image, "getbands")
+        bgr = order == "BGR" and not is_pil
+        noisy = take(self.noise, to_tensor(image)[None], draws, self.bits, bgr=bgr, alpha=is_pil)
+        return like(noisy[0], image)
+
+    def __repr__(self) -> str:
+        return f"ImageNoise({self.noise!r}, p={self.p}, bits={self.bits}, order={self.order!r})"
+
+
+def channel_order(order: str) -> str:
+    """The value, if it is an order of colour channels.
+
+    Raises:
+        InputError: it is neither RGB nor BGR.
+    """
+    if order not in ("RGB", "BGR"):
+        raise InputError(f"{order!r} is not a choice", field="order", expected="RGB or BGR")
+    return order
+
+
+def probability(p: float) -> float:
+    """The value, if it is a probability.
+
+    Raises:
+        InputError: it is not in [0, 1].
+    """
+    if isinstance(p, bool) or not isinstance(p, Real) or not 0 <= p <= 1:
+        raise InputError(f"{p!r} is not a probability", field="p", expected="a number from 0 to 1")
+    return float(p)
+
+
+def used_bits(bits: int | None) -> int | None:
+    """The value, if it is a number of bits that uint16 data can use.
+
+    Raises:
+        InputError: it is not in 1 to 16.
+    """
+    if bits is None:
+        return None
+    if not is_whole(bits) or not 1 <= bits <= 16:
+        expected = "a whole number from 1 to 16, the depth of data in uint16 words"
+        raise InputError(f"{bits!r} is not valid", field="bits", expected=expected)
+    return int(bits)

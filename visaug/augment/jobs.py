@@ -35,11 +35,7 @@ class CopyPlan:
 
 
 def plan_jobs(
-    inputs: Sequence[Path],
-    output: Path,
-    copies: int = 1,
-    include: Sequence[str] = (),
-    exclude: Sequence[str] = (),
+    inputs: Sequence[Path], output: Path, copies: int, include: Sequence[str], exclude: Sequence[str]
 ) -> CopyPlan:
     """One job for each copy of each picture.
 
@@ -62,11 +58,11 @@ def plan_jobs(
         used = {pattern for pattern in include if matches(name, pattern)}
         unused -= used
         left_out = (include and not used) or any(matches(name, pattern) for pattern in exclude)
+        if suffix not in SUFFIXES:
+            jobs.skipped[suffix or "without a suffix"] += 1
         if suffix not in SUFFIXES or left_out:
             jobs.others[placed] = source
             jobs.excluded += suffix in SUFFIXES
-            if suffix not in SUFFIXES:
-                jobs.skipped[suffix or "without a suffix"] += 1
             continue
         for copy in copy_names(placed, copies):
             other = jobs.sources.get(copy)
@@ -74,18 +70,12 @@ def plan_jobs(
                 raise InputError(f"would be written to {copy}, as {other} would", file=source)
             jobs.sources[copy] = source
     if unused:
-        raise InputError(
-            f"{', '.join(sorted(unused))} matches no file",
-            field="--include",
-            expected="a pattern of paths below an input, for example 'rgb/*.png'",
-        )
+        expected = "a pattern of paths below an input, for example 'rgb/*.png'"
+        raise InputError(f"{', '.join(sorted(unused))} matches no file", field="--include", expected=expected)
     if not jobs.sources:
         chosen = " that are included and not excluded" if include or exclude else ""
-        raise InputError(
-            f"holds no pictures{chosen}",
-            file=", ".join(map(str, inputs)),
-            expected="files ending in " + " ".join(SUFFIXES),
-        )
+        where, expected = ", ".join(map(str, inputs)), "files ending in " + " ".join(SUFFIXES)
+        raise InputError(f"holds no pictures{chosen}", file=where, expected=expected)
     jobs.sources = dict(sorted(jobs.sources.items()))
     return jobs
 
@@ -112,12 +102,9 @@ def matches(name: str, pattern: str) -> bool:
 
     A pattern without a leading `*` also matches from any folder on: `rgb/*.png` takes `000000/rgb/1.png`.
     """
-    path = PurePosixPath(name)
-    pattern = pattern.rstrip("/")
-    return any(
-        fnmatchcase(part.as_posix(), pattern) or fnmatchcase(part.as_posix(), f"*/{pattern}")
-        for part in (path, *path.parents[:-1])
-    )
+    path, pattern = PurePosixPath(name), pattern.rstrip("/")
+    parts = [part.as_posix() for part in (path, *path.parents[:-1])]
+    return any(fnmatchcase(part, form) for part in parts for form in (pattern, f"*/{pattern}"))
 
 
 def _placed(inputs: Sequence[Path], output: Path, jobs: CopyPlan) -> list[tuple[str, str, Path]]:
@@ -129,10 +116,8 @@ def _placed(inputs: Sequence[Path], output: Path, jobs: CopyPlan) -> list[tuple[
         return [(name, name, source) for _, name, source in found]
     folders = {start: Path(os.path.abspath(start if start.is_dir() else start.parent)) for start in inputs}
     common = Path(os.path.commonpath(list(folders.values())))
-    return [
-        ((folders[start].relative_to(common) / name).as_posix(), name, source)
-        for start, name, source in found
-    ]
+    below = {start: folder.relative_to(common) for start, folder in folders.items()}
+    return [((below[start] / name).as_posix(), name, source) for start, name, source in found]
 
 
 def copy_names(name: str, copies: int) -> list[str]:
@@ -167,9 +152,8 @@ def _files(start: Path, output: Path, jobs: CopyPlan) -> Iterator[tuple[str, Pat
     """(name below `start`, path) of its visible files."""
     if start.is_file():
         if start.suffix.lower() not in SUFFIXES:
-            raise InputError(
-                "is not a picture", file=start, expected="a name ending in " + " ".join(SUFFIXES)
-            )
+            expected = "a name ending in " + " ".join(SUFFIXES)
+            raise InputError("is not a picture", file=start, expected=expected)
         yield start.name, start
     elif start.is_dir():
         files = list(_walk(start, output.resolve(), jobs.outputs, ()))

@@ -42,9 +42,8 @@ class Journal:
             if self.path.is_symlink():
                 raise InputError("is a link", file=self.path, expected="a file that visaug wrote, or none")
             self.made = made_in(self.folder)
-            self._handle = opening.enter_context(
-                open(self.path, "a", encoding="utf-8", errors="surrogateescape")
-            )
+            handle = open(self.path, "a", encoding="utf-8", errors="surrogateescape")
+            self._handle = opening.enter_context(handle)
             self._handle.write("\n")  # closes a line that an interruption tore
             self._open = opening.pop_all()
         return self
@@ -61,10 +60,8 @@ class Journal:
         foreign = [name for name in names if name not in self.made and place_of(self.folder, name).exists()]
         if foreign and not self.force:
             more = f" (and {len(foreign) - 1} more)" if len(foreign) > 1 else ""
-            raise InputError(
-                f"exists, and visaug did not write it{more}",
-                file=place_of(self.folder, foreign[0]),
-                expected="another output folder, or --force to replace it",
+            raise _not_replaced(
+                f"exists, and visaug did not write it{more}", place_of(self.folder, foreign[0])
             )
 
     def begin(self, name: str) -> None:
@@ -77,11 +74,8 @@ class Journal:
         place = place_of(self.folder, name)
         left = self.made.get(name, {}).get("copy")
         if place.exists() and not self.force and (left is None or (left and not self._as_left(name))):
-            raise InputError(
-                "was changed since visaug wrote it" if left else "exists, and visaug did not write it",
-                file=place,
-                expected="another output folder, or --force to replace it",
-            )
+            changed = "was changed since visaug wrote it"
+            raise _not_replaced(changed if left else "exists, and visaug did not write it", place)
 
     def add(self, name: str, of: str) -> None:
         """The file is in its place."""
@@ -100,6 +94,10 @@ class Journal:
         # a name that is not UTF-8 is written as the bytes that it is: an escape of them would be no text
         self._handle.write(json.dumps({"name": name, **self.made[name]}, ensure_ascii=False) + "\n")
         self._handle.flush()
+
+
+def _not_replaced(problem: str, place: Path) -> InputError:
+    return InputError(problem, file=place, expected="another output folder, or --force to replace it")
 
 
 def place_of(folder: Path, name: str) -> Path:
@@ -142,12 +140,8 @@ def settings_of(noise: "SensorNoise", seed: int, p: float, bits: int | None, opt
     for camera in noise.cameras:
         for name, values in sorted(camera.maps.items()):
             digest.update(name.encode() + values.detach().cpu().numpy().tobytes())
-    root = Path(__file__).resolve().parents[1]
-    own = [
-        file
-        for room in ("core/sampling", "effects", "camera", "augment")
-        for file in (root / room).rglob("*.py")
-    ]
+    root, rooms = Path(__file__).resolve().parents[1], ("core/sampling", "effects", "camera", "augment")
+    own = [file for room in rooms for file in (root / room).rglob("*.py")]
     for file in [*sorted(own), *loaded_files()]:
         digest.update(file.read_bytes())
     return digest.hexdigest()

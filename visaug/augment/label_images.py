@@ -11,23 +11,9 @@ import numpy as np
 
 from visaug.augment.image_io import Picture
 
-LOSSY = (".jpg", ".jpeg")
 MEASURED = {"depth", "distance", "disparity", "flow", "normals", "nocs"}  # no limit on their number of values
-CLASSES = {
-    "mask",
-    "masks",
-    "seg",
-    "segm",
-    "segmentation",
-    "semantic",
-    "instance",
-    "instances",
-    "label",
-    "labels",
-    "panoptic",
-    "gt",
-    "matte",
-}
+CLASSES = {"mask", "masks", "seg", "segm", "segmentation", "semantic", "instance", "instances", "label", "labels",
+           "panoptic", "gt", "matte"}  # fmt: skip
 
 
 def why_labels(name: str, picture: Picture) -> str | None:
@@ -37,7 +23,7 @@ def why_labels(name: str, picture: Picture) -> str | None:
         name: its path below the folder that was given.
         picture: what it holds.
     """
-    if PurePosixPath(name).suffix.lower() in LOSSY:
+    if PurePosixPath(name).suffix.lower() in (".jpg", ".jpeg"):
         return None
     words = words_of(name)
     if words & MEASURED:

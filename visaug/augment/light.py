@@ -6,7 +6,6 @@ from torch import Tensor
 from visaug.core.errors import InputError
 
 MOST_COLOURS = 3  # red, green and blue; what has more channels of light has bands
-LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear red, green and blue: ITU-R BT.709, the primaries of sRGB
 
 
 def light_channels(channels: int, mono: bool | None, alpha: bool = False) -> int:
@@ -21,11 +20,9 @@ def light_channels(channels: int, mono: bool | None, alpha: bool = False) -> int
         InputError: more than four channels with mono=True.
     """
     if channels > MOST_COLOURS + 1 and mono:
-        raise InputError(
-            f"has {channels} channels, which one sensor cannot give",
-            field="images",
-            expected="mono=False, for a sensor of its own for each band",
-        )
+        problem = f"has {channels} channels, which one sensor cannot give"
+        expected = "mono=False, for a sensor of its own for each band"
+        raise InputError(problem, field="images", expected=expected)
     return channels - 1 if channels in (2, 4) and (alpha or mono is not False) else channels
 
 
@@ -101,5 +98,6 @@ def luminance(light: Tensor) -> Tensor:
     first = light[:, :1]
     if light.shape[1] == 3:
         red, green, blue = light.split(1, 1)
-        return green + LUMINANCE[0] * (red - green) + LUMINANCE[2] * (blue - green)
+        # Shares of linear red and blue: ITU-R BT.709, the primaries of sRGB.
+        return green + 0.2126 * (red - green) + 0.0722 * (blue - green)
     return first + (light - first).mean(1, keepdim=True)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from visaug.augment.image_noise import ImageNoise
+from visaug.augment.images import ImageNoise
 from visaug.core.errors import InputError
 
 try:

@@ -20,14 +20,7 @@ CHOICES = {
     "black_level": ("subtract", "keep"),
     "resolution": ("network", "sensor"),
 }
-# of image values: beyond, the image is of another scale; between, it is cut by the sensor
-LEAST, MOST = -0.5, 1.5
-
-# of the saturation exposure: a pixel of the largest full wells (1e6 e-) then holds one electron
-LEAST_EXPOSURE = 1e-6
-# An image that goes below the first, with more than this share of its values below 0, has had its mean subtracted:
-# resampling and a subtracted black level go less far, or in fewer pixels.
-NORMALIZED, NORMALIZED_SHARE = -0.05, 0.25
+MOST = 1.5  # image value: beyond, the image is of another scale; between 1 and it, it is cut by the sensor
 
 
 def check_choice(name: str, word: Any) -> str:
@@ -56,11 +49,8 @@ def check_strength(value: Any) -> float:
     value = check_number("strength", value, 0, 100)
     least_strength = 1e-3  # at its inverse square, 1e6 times the electrons: noise below the last of 16 bits
     if 0 < value < least_strength:
-        raise InputError(
-            f"{value!r} is not valid",
-            field="strength",
-            expected=f"0, or a number from {least_strength:g} to 100",
-        )
+        expected = f"0, or a number from {least_strength:g} to 100"
+        raise InputError(f"{value!r} is not valid", field="strength", expected=expected)
     return value
 
 
@@ -71,12 +61,11 @@ def check_range(name: str, value: Any, low: float, high: float) -> tuple[float, 
     pair = isinstance(value, Sequence) and not isinstance(value, str | bytes)
     if pair and len(value) != 2:
         raise InputError(f"has {len(value)} entries", field=name, expected="a number or a pair (low, high)")
-    ends = tuple(check_number(name, one, low, high) for one in (value if pair else (value, value)))
-    if ends[0] > ends[1]:
-        raise InputError(
-            f"{value!r} is not increasing", field=name, expected="a pair (low, high) with low <= high"
-        )
-    return ends[0], ends[1]
+    first, last = (check_number(name, one, low, high) for one in (value if pair else (value, value)))
+    if first > last:
+        expected = "a pair (low, high) with low <= high"
+        raise InputError(f"{value!r} is not increasing", field=name, expected=expected)
+    return first, last
 
 
 def check_flag(name: str, value: Any) -> bool | None:
@@ -88,9 +77,14 @@ def check_flag(name: str, value: Any) -> bool | None:
 
 def check_seed(seed: Any) -> int | None:
     """None, or a whole number."""
-    if seed is None or (isinstance(seed, Integral) and not isinstance(seed, bool)):
-        return None if seed is None else int(seed)
+    if seed is None or is_whole(seed):
+        return seed if seed is None else int(seed)
     raise InputError(f"{seed!r} is not valid", field="seed", expected="a whole number, or None")
+
+
+def is_whole(value: Any) -> bool:
+    """Whether a value is a whole number by its type, and no truth value."""
+    return isinstance(value, Integral) and not isinstance(value, bool)
 
 
 def check_origin(origin: Any) -> tuple[int, int] | None:
@@ -98,13 +92,9 @@ def check_origin(origin: Any) -> tuple[int, int] | None:
     if origin is None:
         return None
     pair = isinstance(origin, Sequence) and not isinstance(origin, str | bytes) and len(origin) == 2
-    whole = pair and all(isinstance(one, Integral) and not isinstance(one, bool) for one in origin)
-    if not whole or not all(0 <= one < MOST_PIXELS for one in origin):
-        raise InputError(
-            f"{origin!r} is not valid",
-            field="origin",
-            expected=f"(row, column), two whole numbers from 0 to {MOST_PIXELS - 1}, or None",
-        )
+    if not pair or not all(is_whole(one) and 0 <= one < MOST_PIXELS for one in origin):
+        expected = f"(row, column), two whole numbers from 0 to {MOST_PIXELS - 1}, or None"
+        raise InputError(f"{origin!r} is not valid", field="origin", expected=expected)
     return int(origin[0]), int(origin[1])
 
 
@@ -121,11 +111,8 @@ def check_replacement(path: str, value: Any, parameter: Parameter) -> None:
         raise InputError(f"{value!r} is not a number", field=path, expected=bounds_text(parameter))
     numbers = tensor.detach().float()
     if not numbers.numel() or any(size != 1 for size in numbers.shape[1:]):
-        raise InputError(
-            f"has shape {tuple(numbers.shape)}",
-            field=path,
-            expected="one number, or (B,) with one for each image",
-        )
+        expected = "one number, or (B,) with one for each image"
+        raise InputError(f"has shape {tuple(numbers.shape)}", field=path, expected=expected)
     fits = (numbers >= parameter.low) & (numbers <= parameter.high)
     fits &= numbers.isfinite() | (path == "full_well_e")  # which is infinite where a camera states none
     fits &= (numbers == numbers.round()) | (not parameter.integer)
@@ -142,22 +129,17 @@ def check_images(images: Any) -> Tensor:
             above 1.5, as an image of 0..255 has them. A NaN is no error.
     """
     if not isinstance(images, Tensor):
-        raise InputError(
-            f"is a {type(images).__name__}", field="images", expected="a tensor (B, C, H, W); for PIL and NumPy "
-            "images use visaug.augment.ImageNoise",
-        )  # fmt: skip
+        expected = "a tensor (B, C, H, W); for PIL and NumPy images use visaug.augment.ImageNoise"
+        raise InputError(f"is a {type(images).__name__}", field="images", expected=expected)
     shape = tuple(images.shape)
     if images.ndim != 4:
         raise InputError(f"has shape {shape}", field="images", expected="(B, C, H, W)")
     if not images.dtype.is_floating_point:
-        raise InputError(
-            f"has type {images.dtype}", field="images", expected="floating point in [0, 1]: divide by the "
-            "largest value of the type (255 for uint8)",
-        )  # fmt: skip
+        expected = "floating point in [0, 1]: divide by the largest value of the type (255 for uint8)"
+        raise InputError(f"has type {images.dtype}", field="images", expected=expected)
     if shape[1] > 4 and shape[3] in (1, 3, 4):
-        raise InputError(
-            f"has shape {shape}, channels last", field="images", expected="(B, C, H, W): permute(0, 3, 1, 2)"
-        )
+        expected = "(B, C, H, W): permute(0, 3, 1, 2)"
+        raise InputError(f"has shape {shape}, channels last", field="images", expected=expected)
     check_pixels(shape)
     return images
 
@@ -171,11 +153,8 @@ def check_pixels(shape: Sequence[int]) -> None:
 def check_number_of_draws(draws: Mapping[str, Tensor], images: Tensor) -> None:
     """Refuses draws of another number of images than these, (B, C, H, W)."""
     if len(draws["keys"]) != len(images):
-        raise InputError(
-            f"are of {len(draws['keys'])} images",
-            field="draws",
-            expected=f"draw({len(images)}), one for each",
-        )
+        problem = f"are of {len(draws['keys'])} images"
+        raise InputError(problem, field="draws", expected=f"draw({len(images)}), one for each")
 
 
 def check_values(images: Tensor) -> None:
@@ -185,13 +164,16 @@ def check_values(images: Tensor) -> None:
     """
     if images.numel() == 0 or torch.compiler.is_compiling():
         return
+    # An image that goes below the second, with more than this share of its values below 0, has had its mean subtracted:
+    # resampling and a subtracted black level go less far, or in fewer pixels.
+    least, normalized, normalized_share = -0.5, -0.05, 0.25
     low, high = ends(images.detach())  # a missing value must not hide the scale of the others
-    if high <= MOST and low >= NORMALIZED:
+    if high <= MOST and low >= normalized:
         return
     there = images.detach()[~images.isnan()].float()
     negative = float((there < 0).float().mean())
     bright_share = 0.25  # of values above white: more is no highlight but another scale
-    if low < LEAST or negative > NORMALIZED_SHARE:
+    if low < least or negative > normalized_share:
         advice = "put the noise before Normalize, or undo it"
     elif high <= MOST:
         return  # dips below black, as a resampled image has them: the sensor cuts them
@@ -200,8 +182,5 @@ def check_values(images: Tensor) -> None:
     else:
         advice = "divide an image of 8 bit by 255, one of 16 bit by 65535, an HDR image by its value of white"
     share = f", {100 * negative:.0f} % below 0" if negative else ""
-    raise InputError(
-        f"holds values from {low:g} to {high:g}{share}",
-        field="images",
-        expected=f"values in [0, 1]: {advice}",
-    )
+    problem = f"holds values from {low:g} to {high:g}{share}"
+    raise InputError(problem, field="images", expected=f"values in [0, 1]: {advice}")

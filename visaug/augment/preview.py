@@ -21,18 +21,7 @@ MIDDLE = LEVELS[2]
 # 8-bit levels at MIDDLE: a contrast of 5 %, several times what the eye resolves in pixels at 4x
 VISIBLE = 6.0
 # Tried in this order until the noise is visible: dB above the camera's own gain, and share of the saturation exposure.
-CONDITIONS = (
-    (0, 1.0),
-    (12, 1.0),
-    (24, 1.0),
-    (24, 0.3),
-    (24, 0.1),
-    (24, 0.03),
-    (24, 0.01),
-    (24, 0.003),
-    (24, 0.001),
-)
-FLATS, SIDE = 16, 96  # as many draws of the camera, each on SIDE x SIDE pixels
+CONDITIONS = ((0, 1.0), (12, 1.0), *((24, share) for share in (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)))
 
 
 @dataclass(frozen=True)
@@ -81,24 +70,18 @@ def visible(
     """
     noise, tried = None, None
     for more_db, share in CONDITIONS:
-        condition = (
-            camera.spec.gain_db + more_db if gain_db is None else gain_db,
-            share if exposure is None else exposure,
-        )
-        if condition == tried:
+        gain = camera.spec.gain_db + more_db if gain_db is None else gain_db
+        light = share if exposure is None else exposure
+        if (gain, light) == tried:
             continue
-        tried = condition
-        noise = SensorNoise(camera, gain_db=condition[0], exposure=condition[1], **options)
+        tried = gain, light
+        noise = SensorNoise(camera, gain_db=gain, exposure=light, **options)
         if noise_by_level(picture, noise, seed, (MIDDLE,))[0] >= VISIBLE:
             break
-    assert noise is not None
-    assert tried is not None
-    gain, share = _words(tried[0]), _words(tried[1])
+    assert noise is not None and tried is not None  # noqa: PT018 - there is a condition
+    of_gain, of_light = (" (chosen)" if given is None else "" for given in (gain_db, exposure))
     mono = ", monochrome" if picture.colours == 3 and not camera.spec.colour else ""
-    return noise, (
-        f"gain {gain} dB{' (chosen)' if gain_db is None else ''}, exposure {share}{' (chosen)' if exposure is None else ''}"
-        f"{mono}"
-    )
+    return noise, f"gain {_words(tried[0])} dB{of_gain}, exposure {_words(tried[1])}{of_light}{mono}"
 
 
 def _words(given: Any) -> str:
@@ -113,11 +96,12 @@ def noise_by_level(
     Root mean square over draws of the camera; near black and white a part of the noise is clipped.
     """
     sigma = []
+    flats, side = 16, 96  # draws of the camera, each on so many pixels squared
     with torch.random.fork_rng(devices=[]), torch.no_grad():
         torch.manual_seed(seed)
         for level in levels:
-            flat = torch.full((FLATS, picture.colours, SIDE, SIDE), level / 255)
-            noisy = noise.apply_draws(flat, noise.draw(FLATS), transfer=picture.transfer)
+            flat = torch.full((flats, picture.colours, side, side), level / 255)
+            noisy = noise.apply_draws(flat, noise.draw(flats), transfer=picture.transfer)
             sigma.append(255 * float(noisy.double().var(dim=(2, 3)).mean()) ** 0.5)
     return tuple(sigma)
 

@@ -1,5 +1,6 @@
 """The noise of a camera, or of a population of cameras, on batches of images. Knows torch alone, no image library."""
 
+import inspect
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -10,6 +11,7 @@ import torch
 from torch import Tensor, distributed, nn
 from torch.utils.data import get_worker_info
 
+from visaug.augment import options
 from visaug.augment.exposure import Exposure
 from visaug.augment.light import (
     are_bands,
@@ -19,21 +21,7 @@ from visaug.augment.light import (
     luminance,
     srgb_to_linear,
 )
-from visaug.augment.options import (
-    LEAST_EXPOSURE,
-    Range,
-    check_choice,
-    check_flag,
-    check_images,
-    check_number,
-    check_number_of_draws,
-    check_origin,
-    check_range,
-    check_replacement,
-    check_seed,
-    check_strength,
-    check_values,
-)
+from visaug.augment.options import Range
 from visaug.camera import Camera, fast
 from visaug.camera.paths import place_of
 from visaug.camera.randomize import spreads
@@ -41,18 +29,6 @@ from visaug.camera.scale import with_maps_at_strength
 from visaug.core.errors import InputError
 from visaug.core.sampling import derive_key, signed
 
-DEFAULTS: dict[str, Any] = {  # of the options that a repr names only where they differ
-    "fixed_pattern": "image",
-    "black_level": "subtract",
-    "resolution": "network",
-    "mono": None,
-    "gain_db": None,
-    "exposure": None,
-    "strength": 1.0,
-    "full_scale_photons": None,
-    "origin": None,
-    "fast": True,
-}
 Source = Camera | str | Path | Mapping[str, Any]
 
 
@@ -137,18 +113,21 @@ class SensorNoise(nn.Module):
         super().__init__()
         self.cameras = _population(camera)
         self._spreads = [spreads(camera) for camera in self.cameras]
-        self.fixed_pattern = check_choice("fixed_pattern", fixed_pattern)
-        self.transfer = check_choice("transfer", transfer)
-        self.black_level = check_choice("black_level", black_level)
-        self.resolution = check_choice("resolution", resolution)
-        self.fast, self.seed, self.origin = fast, check_seed(seed), check_origin(origin)
-        self.mono = check_flag("mono", mono)
+        self.fixed_pattern = options.check_choice("fixed_pattern", fixed_pattern)
+        self.transfer = options.check_choice("transfer", transfer)
+        self.black_level = options.check_choice("black_level", black_level)
+        self.resolution = options.check_choice("resolution", resolution)
+        self.fast, self.seed, self.origin = fast, options.check_seed(seed), options.check_origin(origin)
+        self.mono = options.check_flag("mono", mono)
         if full_scale_photons is not None:
-            full_scale_photons = check_number("full_scale_photons", full_scale_photons, 0, 1e12, above=True)
+            full_scale_photons = options.check_number(
+                "full_scale_photons", full_scale_photons, 0, 1e12, above=True
+            )
         self.full_scale_photons = full_scale_photons
-        self.gain_db = check_range("gain_db", gain_db, -60, 120)
-        self.exposure = check_range("exposure", exposure, LEAST_EXPOSURE, 1)
-        self.strength = check_strength(strength)
+        self.gain_db = options.check_range("gain_db", gain_db, -60, 120)
+        # At the least a pixel of the largest full wells (1e6 e-) holds one electron.
+        self.exposure = options.check_range("exposure", exposure, 1e-6, 1)
+        self.strength = options.check_strength(strength)
         if self.strength not in (0, 1):
             self.cameras = tuple(with_maps_at_strength(camera, self.strength) for camera in self.cameras)
         if not isinstance(values or {}, Mapping):
@@ -156,11 +135,9 @@ class SensorNoise(nn.Module):
         if gain_db is not None and "gain_db" in (values or {}):
             raise InputError("is given twice", field="gain_db", expected="the option, or an entry of values")
         if self.black_level == "keep" and mono is None and any(camera.spec.colour for camera in self.cameras):
-            raise InputError(
-                "keep leaves an offset that white balance would turn into a colour cast",
-                field="black_level",
-                expected="subtract for a colour camera, or mono=True",
-            )
+            problem = "keep leaves an offset that white balance would turn into a colour cast"
+            expected = "subtract for a colour camera, or mono=True"
+            raise InputError(problem, field="black_level", expected=expected)
         self._generator: tuple[tuple[int | None, int], torch.Generator] | None = None
         self._names: dict[str, str] = {}
         for path, value in (values or {}).items():
@@ -169,17 +146,15 @@ class SensorNoise(nn.Module):
     def _add_value(self, path: str, value: Tensor | float) -> None:
         known = self.cameras[0].values()
         if path not in known:
-            raise InputError(
-                "is not a parameter of this camera", field=path, expected=f"one of {', '.join(known)}"
-            )
+            expected = f"one of {', '.join(known)}"
+            raise InputError("is not a parameter of this camera", field=path, expected=expected)
         parameter = place_of(path).parameter
         if path == "black_level_dn":  # as in a camera.yaml, it leaves a range for the signal
             parameter = replace(parameter, high=2 ** min(camera.bit_depth for camera in self.cameras) - 2)
-        check_replacement(path, value, parameter)
+        options.check_replacement(path, value, parameter)
         if len(self.cameras) > 1 and torch.as_tensor(value).numel() > 1:
-            raise InputError(
-                "has a value for each image", field=path, expected="one number, for several cameras"
-            )
+            expected = "one number, for several cameras"
+            raise InputError("has a value for each image", field=path, expected=expected)
         name = self._names[path] = "value_" + path.replace(".", "_")
         if isinstance(value, nn.Parameter):
             self.register_parameter(name, value)
@@ -224,8 +199,8 @@ class SensorNoise(nn.Module):
         return self._generator[1]
 
     def forward(self, images: Tensor) -> Tensor:
-        check_images(images)
-        check_values(images)
+        options.check_images(images)
+        options.check_values(images)
         draws = self.draw(images.shape[0])
         return self._noisy(images, draws, None)
 
@@ -241,9 +216,9 @@ class SensorNoise(nn.Module):
             draws: the result of `draw(B)`.
             transfer: meaning of "auto" for these images: "linear" (also if None) or "srgb".
         """
-        check_images(images)
-        check_values(images)
-        check_number_of_draws(draws, images)
+        options.check_images(images)
+        options.check_values(images)
+        options.check_number_of_draws(draws, images)
         return self._noisy(images, draws, transfer)
 
     def _noisy(self, images: Tensor, draws: Mapping[str, Tensor], transfer: str | None) -> Tensor:
@@ -285,15 +260,12 @@ class SensorNoise(nn.Module):
         Returns:
             The same shape and type; None where only `apply_draws` can: colour, several cameras, effects on the picture.
         """
-        check_number_of_draws(draws, images)
+        options.check_number_of_draws(draws, images)
         camera = self.cameras[0]
         plain = len(self.cameras) == 1 and not camera.finishes and self.strength > 0
         plain = plain and (images.shape[1] == 1 or are_bands(images.shape[1], self.mono))
-        if (
-            not plain
-            or (camera.spec.colour and self.mono is None)
-            or self._pixels_per_pixel(camera, images) > 1
-        ):
+        plain = plain and not (camera.spec.colour and self.mono is None)
+        if not plain or self._pixels_per_pixel(camera, images) > 1:
             return None
         exposure = self._exposure(camera, draws, images)
         return exposure.by_tables(images, None, white) if exposure.fused else None
@@ -325,24 +297,10 @@ class SensorNoise(nn.Module):
         changed = {path: value for path, value in draws.items() if path in known}
         for path, name in self._names.items():
             changed[path] = getattr(self, name)
-            if changed[path].numel() not in (1, len(light)):
-                raise InputError(
-                    f"has {changed[path].numel()} values for {len(light)} images",
-                    field=path,
-                    expected="one number, or one for each image",
-                )
-        return Exposure(
-            camera,
-            draws,
-            changed,
-            light.device,
-            may_be_fast=may_be_fast,
-            one_specimen=self.fixed_pattern == "camera",
-            strength=self.strength,
-            black_level=self.black_level,
-            full_scale_photons=self.full_scale_photons,
-            origin=self.origin,
-        )
+            if (count := changed[path].numel()) not in (1, len(light)):
+                problem = f"has {count} values for {len(light)} images"
+                raise InputError(problem, field=path, expected="one number, or one for each image")
+        return Exposure(camera, draws, changed, light.device, may_be_fast, self)
 
     def _pixels_per_pixel(self, camera: Camera, light: Tensor) -> int:
         if self.resolution == "network":
@@ -359,24 +317,25 @@ class SensorNoise(nn.Module):
             return True
         return not (light.requires_grad or any(getattr(self, n).requires_grad for n in self._names.values()))
 
-    def extra_repr(self) -> str:
-        return self.described()
-
     def described(self) -> str:
         """Cameras, transfer function, seed, and the options that are not at their defaults, as in a call."""
         words = [repr(camera.name) for camera in self.cameras[:3]]
         if len(self.cameras) > 3:
             words = [f"{len(self.cameras)} cameras"]
         words += [f"transfer={self.transfer!r}", f"seed={self.seed}"]
-        for name, default in DEFAULTS.items():
+        defaults = inspect.signature(SensorNoise).parameters
+        further = ("gain_db", "exposure", "strength", "full_scale_photons", "origin", "fast")
+        for name in ("fixed_pattern", "black_level", "resolution", "mono", *further):
             value = getattr(self, name)
-            if value != default:
+            if value != defaults[name].default:
                 a_range = name in ("gain_db", "exposure")
                 value = value[0] if a_range and value[0] == value[-1] else value
                 words.append(f"{name}={value!r}")
         if self._names:
             words.append(f"values of {', '.join(self._names)}")
         return ", ".join(words)
+
+    extra_repr = described
 
 
 def _keys(number: int, source: torch.Generator | None) -> Tensor:

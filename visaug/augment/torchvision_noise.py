@@ -11,8 +11,7 @@ from torchvision import tv_tensors
 from torchvision.transforms import v2
 
 from visaug.augment.draws import nth_frame, of_frames
-from visaug.augment.image_noise import probability, used_bits
-from visaug.augment.images import like, say_what_auto_means, take, to_tensor
+from visaug.augment.images import like, probability, say_what_auto_means, take, to_tensor, used_bits
 from visaug.augment.options import check_pixels
 from visaug.augment.sensor_noise import SensorNoise, Source
 from visaug.core.errors import InputError
@@ -41,12 +40,7 @@ class TorchvisionNoise(v2.Transform):
         torch.Size([1, 32, 32])
     """
 
-    _transformed_types = (
-        v2.functional.is_pure_tensor,
-        PIL.Image.Image,
-        tv_tensors.Image,
-        tv_tensors.Video,
-    )
+    _transformed_types = (v2.functional.is_pure_tensor, PIL.Image.Image, tv_tensors.Image, tv_tensors.Video)
 
     def __init__(
         self, camera: Source | Sequence[Source], p: float = 1.0, bits: int | None = None, **options: Any
@@ -59,10 +53,8 @@ class TorchvisionNoise(v2.Transform):
     def check_inputs(self, flat_inputs: list[Any]) -> None:
         if not v2._utils.has_any(flat_inputs, *self._transformed_types):
             kinds = ", ".join(sorted({type(one).__name__ for one in flat_inputs}))
-            raise InputError(
-                f"a sample contains no image, only {kinds}",
-                expected="a PIL image, a tensor or a tv_tensor; put v2.ToImage() before the noise",
-            )
+            expected = "a PIL image, a tensor or a tv_tensor; put v2.ToImage() before the noise"
+            raise InputError(f"a sample contains no image, only {kinds}", expected=expected)
 
     def make_params(self, flat_inputs: list[Any]) -> dict[str, Any]:
         """For all images of a sample: decisions and draws by the size of a batch, and how many images had them so far."""
@@ -83,9 +75,8 @@ class TorchvisionNoise(v2.Transform):
             return inpt
         lit = batch[chosen]
         clips = {name: value[chosen].repeat_interleave(frames, 0) for name, value in draws.items()}
-        own = iter(
-            take(self.noise, lit.flatten(0, 1), of_frames(clips), self.bits, alpha=is_pil).reshape(lit.shape)
-        )
+        taken = take(self.noise, lit.flatten(0, 1), of_frames(clips), self.bits, alpha=is_pil)
+        own = iter(taken.reshape(lit.shape))
         parts = [next(own) if yes else clean for clean, yes in zip(batch, chosen.tolist())]
         noisy = torch.stack(parts).reshape(images.shape)
         return like(noisy, inpt) if is_pil else tv_tensors.wrap(noisy, like=inpt)

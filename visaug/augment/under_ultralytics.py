@@ -28,11 +28,7 @@ KEY = "sensor_noise"  # in args.yaml; ultralytics refuses it if that file is use
 GUARDED = "augment"  # test-time augmentation: has no meaning in a training, and ultralytics checks its type
 GUARD = "visaug: this training has sensor noise"
 ALTERNATIVES = ("OneOf", "OneOrOther")  # of whose transforms one acts
-BY_TRAINER, BY_CALLBACK, BY_LIST = (
-    "trainer=vis_trainer(...)",
-    "add_callback(...)",
-    f"augmentations=[{NAME}(...)]",
-)
+BY_LIST = f"augmentations=[{NAME}(...)]"
 OTHER_WAYS = (
     "trainer=visaug.ultralytics.vis_trainer(CAMERA), or visaug.ultralytics.add_callback(model, CAMERA)"
 )
@@ -85,7 +81,7 @@ def sources(trainer: Any) -> list[str]:
     starts = getattr(trainer, "callbacks", {}).get("on_train_start", ())
     added = sum(hasattr(callback, "noise_of_callback") for callback in starts)
     listed = number_of_noises(getattr(trainer.args, "augmentations", None))
-    return [BY_TRAINER] * classes + [BY_CALLBACK] * added + [BY_LIST] * listed
+    return ["trainer=vis_trainer(...)"] * classes + ["add_callback(...)"] * added + [BY_LIST] * listed
 
 
 def check_sources(trainer: Any) -> None:
@@ -97,18 +93,14 @@ def check_sources(trainer: Any) -> None:
     """
     found = sources(trainer)
     if len(found) > 1:
-        raise InputError(
-            f"would be added {len(found)} times to each image, by {' and by '.join(found)}",
-            field="sensor noise",
-            expected="one of these, once; a model keeps its callbacks, so begin with a new YOLO(...)",
-        )
+        problem = f"would be added {len(found)} times to each image, by {' and by '.join(found)}"
+        expected = "one of these, once; a model keeps its callbacks, so begin with a new YOLO(...)"
+        raise InputError(problem, field="sensor noise", expected=expected)
     record = Path(trainer.save_dir) / RECORD
     if not found and trainer.args.resume and record.is_file():
         began = record.read_text(encoding="utf-8").strip()
-        raise InputError(
-            f"this training began with sensor noise ({began}) and would go on without",
-            expected=f"{OTHER_WAYS}; to go on without noise, delete {record}",
-        )
+        problem = f"this training began with sensor noise ({began}) and would go on without"
+        raise InputError(problem, expected=f"{OTHER_WAYS}; to go on without noise, delete {record}")
     if found == [BY_LIST]:
         channels = (getattr(trainer, "data", None) or {}).get("channels", 3)
         if trainer.args.task == "classify" or channels not in (1, 3):
@@ -123,10 +115,8 @@ def announce(trainer: Any) -> None:
     acting = [noise for built in _built(trainer.train_loader.dataset) for noise in _noises(built.transform)]
     if not acting:
         raise _passed_over("ultralytics did not build it for this training")
-    said = dict.fromkeys(
-        f"{noise.described()}, by augmentations= on the CPU, padding included" for noise in acting
-    )
-    record(trainer, "; ".join(said))
+    how = "by augmentations= on the CPU, padding included"
+    record(trainer, "; ".join(dict.fromkeys(f"{noise.described()}, {how}" for noise in acting)))
 
 
 def record(trainer: Any, said: str) -> None:

@@ -118,19 +118,14 @@ class VISNoise(IntensityAugmentationBase2D):
         if torch.compiler.is_compiling():
             return self.sensor.apply_draws(input, params)
         draws = params if self.same_on_batch else of_frames(params)
-        if self._images is None:
-            return self.sensor.apply_draws(input, draws)
-        return self.sensor.apply_draws(input, nth_frame(draws, self._number_of_image(params)))
+        if self._images is not None:
+            draw = params["keys"].cpu().numpy().tobytes()
+            draws = nth_frame(draws, self._images[draw])
+            self._images[draw] += 1
+        return self.sensor.apply_draws(input, draws)
 
     # within a call of a container with several images: those so far, by their draws
     _images: Counter[bytes] | None = None
-
-    def _number_of_image(self, params: Mapping[str, Tensor]) -> int:
-        """How many images of the running call of a container had these draws before."""
-        assert self._images is not None
-        draw = params["keys"].cpu().numpy().tobytes()
-        self._images[draw] += 1
-        return self._images[draw] - 1
 
     def __repr__(self) -> str:
         return f"VISNoise({self.sensor.described()}, p={self.p})"

@@ -11,8 +11,6 @@ from visaug.core.wording import first_of
 from visaug.frames.keywords import SETTING_KEYWORDS
 from visaug.frames.units import number_or_none
 
-_SAME_GAIN = 0.02  # measured gains of one camera scatter by less; settings that differ by less are none
-_CEILINGS = {(1 << n) - 1: n for n in (8, 10, 12, 14)}  # DN, of converters that are coarser than their files
 _SHARED = ("GAIN", *(name for name in SETTING_KEYWORDS if name != "PEDESTAL"))  # binning left out is 1
 LISTED = 6  # files that a note lists
 
@@ -36,7 +34,9 @@ def agreed(rows: list[Row], folder: Path) -> tuple[list[Row], list[str]]:
     rows = _raw(rows, folder, notes)
     _depth(rows)
     _settings(rows, notes)
-    _bodies(rows)
+    if len({r["_body"] for r in rows if r["_body"]}) > 1:  # two cameras in one folder are two settings
+        for row in rows:
+            row["setting"] = " ".join(filter(None, (row["setting"], row["_body"]))) or None
     several = sorted({r["setting"] for r in rows if r["setting"]})
     if len(several) > 1:
         notes.append(
@@ -52,11 +52,10 @@ def _one_plane(rows: list[Row], notes: list[str]) -> list[Row]:
     Where no header says what three planes are, they are colours if two or more files hold three each: a single
     plane of frames taken in turn loses frames, three colours taken for frames make noise of what is fixed.
     """
-    stacks = {r["file"].partition("#")[0]: r["_colour"] for r in rows if r["_plane"] is not None}
+    planes = [r for r in rows if r["_plane"] is not None]
+    stacks = {r["file"].partition("#")[0]: r["_colour"] for r in planes}
     unknown = len(stacks) > 1 and all(colour in (None, True) for colour in stacks.values())
-    colours = [
-        r for r in rows if r["_plane"] is not None and (r["_colour"] or (r["_colour"] is None and unknown))
-    ]
+    colours = [r for r in planes if r["_colour"] or (r["_colour"] is None and unknown)]
     if not colours:
         return rows
     dropped = {id(r) for r in colours if r["_plane"] != 1}
@@ -73,11 +72,8 @@ def _raw(rows: list[Row], folder: Path, notes: list[str]) -> list[Row]:
         return rows
     why = "; ".join(sorted({r["_calibrated"] for r in done})[:LISTED])
     if len(done) == len(rows):
-        raise InputError(
-            f"all frames were calibrated already ({why})",
-            file=folder,
-            expected="raw frames, nothing subtracted or divided",
-        )
+        expected = "raw frames, nothing subtracted or divided"
+        raise InputError(f"all frames were calibrated already ({why})", file=folder, expected=expected)
     notes.append(
         f"calibrated_frames: {names(done)} are left out: their headers say that they were calibrated already ({why}); "
         "bring the raw frames"
@@ -88,13 +84,11 @@ def _raw(rows: list[Row], folder: Path, notes: list[str]) -> list[Row]:
 def _depth(rows: list[Row]) -> None:
     """Bits from the largest value that all headers give alike; one that differs is each frame's own maximum."""
     ceilings = {r["_ceiling"] for r in rows if r["_ceiling"] is not None}
-    if (
-        len(ceilings) == 1
-        and (bits := _CEILINGS.get(ceilings.pop()))
-        and all(r["bit_depth"] is None for r in rows)
-    ):
+    by_dn = {(1 << n) - 1: n for n in (8, 10, 12, 14)}  # of converters that are coarser than their files
+    known = by_dn.get(ceilings.pop()) if len(ceilings) == 1 else None
+    if known and all(r["bit_depth"] is None for r in rows):
         for row in rows:
-            row["bit_depth"] = bits
+            row["bit_depth"] = known
             row["_from"]["bit_depth"] = "the header's largest value"
 
 
@@ -105,11 +99,9 @@ def _settings(rows: list[Row], notes: list[str]) -> None:
         for r in rows
     ]
     gains = [g for p in parts if (g := number_or_none(p.get("GAIN"))) is not None and g >= 0]
-    if (
-        any(g != int(g) for g in gains)
-        and len(set(gains)) > 1
-        and max(gains) <= (1 + _SAME_GAIN) * min(gains)
-    ):
+    same_gain = 0.02  # measured gains of one camera scatter by less; settings that differ by less are none
+    is_measured = len(set(gains)) > 1 and any(g != int(g) for g in gains)
+    if is_measured and max(gains) <= (1 + same_gain) * min(gains):
         notes.append(
             f"gain_measured: GAIN scatters between {min(gains):g} and {max(gains):g}; it is read as a measured gain, not as a "
             "setting"
@@ -117,13 +109,14 @@ def _settings(rows: list[Row], notes: list[str]) -> None:
         for part in parts:
             part.pop("GAIN", None)
     filled: set[str] = set()
-    for word in {w for p in parts for w in p}:
+    for word in _SHARED:
         values = {p[word] for p in parts if word in p}
         lacking = [p for p in parts if word not in p]
-        if word in _SHARED and len(values) == 1 and lacking:
-            filled.add(f"{word}={next(iter(values))}")
+        if len(values) == 1 and lacking:
+            (value,) = values
+            filled.add(f"{word}={value}")
             for part in lacking:
-                part[word] = next(iter(values))
+                part[word] = value
     if filled:
         notes.append(
             f"setting_assumed: some frames do not state {', '.join(sorted(filled))}, which all others share; it is taken for "
@@ -132,10 +125,3 @@ def _settings(rows: list[Row], notes: list[str]) -> None:
     order = list(dict.fromkeys(w for p in parts for w in p))
     for row, part in zip(rows, parts, strict=True):
         row["setting"] = " ".join(f"{w}={part[w]}" if part[w] else w for w in order if w in part) or None
-
-
-def _bodies(rows: list[Row]) -> None:
-    """Two cameras in one folder are two settings."""
-    if len({r["_body"] for r in rows if r["_body"]}) > 1:
-        for row in rows:
-            row["setting"] = " ".join(filter(None, (row["setting"], row["_body"]))) or None

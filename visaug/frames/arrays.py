@@ -17,9 +17,8 @@ import numpy as np
 
 from visaug.core.errors import InputError, readable
 from visaug.frames import hdf5
-from visaug.frames.hdf5 import Hdf5File
+from visaug.frames.hdf5 import Hdf5File, MatFile, is_old_mat, mat_arrays
 from visaug.frames.limits import Index, check_axes, check_index, check_shape, chosen_array
-from visaug.frames.matlab import MatFile, mat_arrays
 
 WHOLE_BYTES = 64 * 2**20  # a compressed array up to this size is decompressed at once and kept
 MOST_OPEN = 32  # files at a time
@@ -65,11 +64,8 @@ class ArrayFile:
             return self._whole[index]
         places = tuple(i for i in index if isinstance(i, int))
         if len(places) < len(index):
-            raise InputError(
-                "is too large to be read along its last axis",
-                file=self.path,
-                expected="an array that is not compressed",
-            )
+            problem = "is too large to be read along its last axis"
+            raise InputError(problem, file=self.path, expected="an array that is not compressed")
         count = prod(inner)
         offset = int(np.ravel_multi_index(places, self.shape[: len(places)])) * count if places else 0
         return self._bytes(offset, count).reshape(inner)
@@ -103,19 +99,14 @@ class ArrayFile:
             self._handle = open(self.path, "rb")  # noqa: SIM115 - kept open
             end = self.path.stat().st_size
         handle = self._handle
-        version = np.lib.format.read_magic(handle)
-        read_header = (
-            np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        )
+        form = np.lib.format
+        old = form.read_magic(handle) == (1, 0)
+        read_header = form.read_array_header_1_0 if old else form.read_array_header_2_0
         self.shape, self._fortran, self.dtype = read_header(handle)
         self._data_start = handle.tell()
         if self.dtype.kind not in "uif":
-            raise InputError(
-                f"holds {self.dtype}, not real numbers",
-                file=self.path,
-                field=self.key,
-                expected="integers or floats in DN",
-            )
+            problem, expected = f"holds {self.dtype}, not real numbers", "integers or floats in DN"
+            raise InputError(problem, file=self.path, field=self.key, expected=expected)
         check_axes(self.shape, self.path)
         check_shape(self.shape if self._fortran else self.shape[-2:], self.path)
         if self._data_start + prod(self.shape) * self.dtype.itemsize > end:
@@ -132,15 +123,11 @@ class ArrayFile:
             self._handle.seek(self._data_start + offset * self.dtype.itemsize)
             data = self._handle.read(size)
         except Exception as error:  # the decompressors raise many kinds for damaged files
-            raise InputError(
-                f"cannot be read ({error}); truncated?", file=self.path, field=self.key
-            ) from None
+            problem = f"cannot be read ({error}); truncated?"
+            raise InputError(problem, file=self.path, field=self.key) from None
         if len(data) < size:
-            raise InputError(
-                f"is truncated: {len(data)} of {size} bytes at offset {offset}",
-                file=self.path,
-                field=self.key,
-            )
+            problem = f"is truncated: {len(data)} of {size} bytes at offset {offset}"
+            raise InputError(problem, file=self.path, field=self.key)
         return np.frombuffer(data, dtype=self.dtype)
 
 
@@ -169,17 +156,18 @@ class ArrayStore:
 
 
 def _open(path: Path, key: str | None) -> ArrayFile | Hdf5File | MatFile:
-    if path.suffix.lower() == ".mat":
-        return (Hdf5File if hdf5.is_hdf5(path) else MatFile)(path, key)
+    if is_old_mat(path):
+        return MatFile(path, key)
     return (Hdf5File if path.suffix.lower() in hdf5.SUFFIXES else ArrayFile)(path, key)
 
 
 def arrays_in(path: Path) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
     """Name, shape and attributes of every array of numbers in a .npy, .npz or HDF5 file."""
-    if path.suffix.lower() == ".mat" and not hdf5.is_hdf5(path):
+    if is_old_mat(path):
         return mat_arrays(path)
     if path.suffix.lower() in hdf5.SUFFIXES:
-        return hdf5.data_sets(path)
+        with hdf5.open_hdf5(path) as held:
+            return hdf5.data_sets(held)
     if path.suffix.lower() == ".npy":
         keys: list[str | None] = [None]
     else:

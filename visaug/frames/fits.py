@@ -15,7 +15,7 @@ from visaug.core.errors import InputError, readable
 from visaug.core.extras import extra
 from visaug.frames.keywords import header_facts
 from visaug.frames.layout import layout_of
-from visaug.frames.limits import check_shape
+from visaug.frames.limits import check_shape, outside
 
 SUFFIXES = (".fits", ".fit", ".fts", ".fits.fz", ".fit.fz", ".fits.gz", ".fit.gz", ".fts.gz")
 _NO_FRAMES = ("MASK", "UNCERT", "DQ", "ERR", "VAR", "WHT", "WGT", "PSFIMAGE")  # parts beside the pixels
@@ -62,21 +62,16 @@ def read_fits(path: Path, key: str | None, index: tuple[int, ...]) -> np.ndarray
         images = _images(units, path)
         chosen = [u for u in images if key is None or key in (_name(u, units), str(_number(u, units)))]
         if len(chosen) != 1:
-            names = ", ".join(_name(u, units) for u in images)
-            raise InputError(
-                f"holds no image {key!r}" if key else "holds several images",
-                file=path,
-                expected=f"one of {names} after a #",
-            )
+            problem = f"holds no image {key!r}" if key else "holds several images"
+            expected = f"one of {', '.join(_name(u, units) for u in images)} after a #"
+            raise InputError(problem, file=path, expected=expected)
         unit = chosen[0]
         layout = layout_of(_whole_header(units, unit), unit.shape)
-        if len(index) > max(len(unit.shape) - 2, 0) or any(
-            not 0 <= i < n for i, n in zip(index, unit.shape, strict=False)
-        ):
-            raise InputError(f"index {list(index)} is outside shape {unit.shape}", file=path)
+        there = all(0 <= i < n for i, n in zip(index, unit.shape, strict=False))
+        if not there or len(index) > max(len(unit.shape) - 2, 0):
+            raise outside(index, unit.shape, path)
         check_shape([int(n) for n in unit.shape[len(index) :]], path)
-        data = unit.section[index] if index else unit.data
-        pixels = layout.cut(np.asarray(data))
+        pixels = layout.cut(np.asarray(unit.section[index] if index else unit.data))
     pixels = pixels[..., :: -1 if layout.flipped[0] else 1, :: -1 if layout.flipped[1] else 1]
     return pixels.astype(pixels.dtype.newbyteorder("="), copy=False)
 
@@ -94,14 +89,10 @@ def _opened(path: Path) -> Iterator[Any]:
 
 def _images(units: Any, path: Path) -> list[Any]:
     """The units that hold frames: no masks, uncertainties, tables or thumbnails in colour."""
-    found = [
-        u
-        for u in units
-        if u.is_image
-        and u.header.get("NAXIS", 0) >= 2
-        and u.name.upper() not in _NO_FRAMES
-        and all(n > 0 for n in u.shape)
-    ]
+    pictures = (
+        u for u in units if u.is_image and u.header.get("NAXIS", 0) >= 2 and all(n > 0 for n in u.shape)
+    )
+    found = [u for u in pictures if u.name.upper() not in _NO_FRAMES]
     if not found:
         raise InputError("holds no image", file=path)
     return found
@@ -131,6 +122,4 @@ def _colour(header: Any, shape: tuple[int, ...]) -> bool | None:
     if len(shape) != 3 or shape[0] != 3:
         return False
     axis = str(header.get("CTYPE3", "")).upper()
-    if axis:
-        return any(word in axis for word in ("RGB", "COLO", "BAND"))
-    return None
+    return any(word in axis for word in ("RGB", "COLO", "BAND")) if axis else None

@@ -9,7 +9,7 @@ import numpy as np
 
 from visaug.core.errors import InputError
 from visaug.frames import sources
-from visaug.frames.checks import check
+from visaug.frames.checks import check, other_size
 from visaug.frames.dark_folder import as_dark
 from visaug.frames.record import FrameRecord, Group, group_records
 from visaug.frames.stacks import counted_along_the_last_axis, of_which_green_is_read
@@ -44,8 +44,7 @@ class FrameSet:
         positions: Sequence[int] | None = None,
         warnings: list[str] | None = None,
     ) -> None:
-        if positions is None:
-            positions = range(len(records))
+        positions = range(len(records)) if positions is None else positions
         order = sorted(range(len(records)), key=lambda i: records[i].sequence)
         self.records: tuple[FrameRecord, ...] = tuple(records[i] for i in order)
         self._positions = tuple(positions[i] for i in order)
@@ -64,10 +63,11 @@ class FrameSet:
         if isinstance(source, FrameSet):
             return source
         if not isinstance(source, str | Path):
-            kind = type(source).__name__
-            raise InputError(
-                f"{kind} is not a frame set", field="frames", expected="a FrameSet, or the path of one"
+            problem, expected = (
+                f"{type(source).__name__} is not a frame set",
+                "a FrameSet, or the path of one",
             )
+            raise InputError(problem, field="frames", expected=expected)
         return cls.load(source, resolution)
 
     @classmethod
@@ -103,8 +103,7 @@ class FrameSet:
             records, bits, shape = sources.read_descriptor(files[0], warnings)
             bit_depth, resolution = bit_depth or bits, resolution or shape
             warnings.append(
-                f"order_assumed: {files[0].name} does not state the order of acquisition; the order "
-                "of its list is used"
+                f"order_assumed: {files[0].name} does not state the order of acquisition; the order of its list is used"
             )
         elif kind == "fits":
             records = sources.read_headed(root, files, warnings)
@@ -147,11 +146,8 @@ class FrameSet:
             InputError: the numbers of records and frames differ, or a value is not valid.
         """
         if len(records) != len(frames):
-            raise InputError(
-                f"{len(records)} records but {len(frames)} frames",
-                field="frames",
-                expected="equal numbers of records and frames",
-            )
+            problem = f"{len(records)} records but {len(frames)} frames"
+            raise InputError(problem, field="frames", expected="equal numbers of records and frames")
         bit_depth = bit_depth or _common_depth(records)
         return cls(records, MemoryStore(records, frames, dict(cleans or {}), bit_depth))
 
@@ -202,10 +198,8 @@ class FrameSet:
         for n, i in enumerate(indices[1:], start=1):
             frame = self._store.numbers(self._positions[i])
             if frame.shape != first.shape:
-                raise InputError(
-                    f"is {frame.shape[0]} x {frame.shape[1]}",
-                    file=self.records[i].file,
-                    expected=f"{first.shape[0]} x {first.shape[1]} as {self.records[indices[0]].file}",
+                raise other_size(
+                    self.records[i].file, frame, first.shape, f" as {self.records[indices[0]].file}"
                 )
             if frame.dtype != stack.dtype:
                 stack = stack.astype(np.float32)
@@ -235,12 +229,8 @@ class FrameSet:
     def subset(self, indices: Iterable[int]) -> FrameSet:
         """Returns the frames at these positions as a new set, in order of acquisition. Pixels are shared."""
         indices = list(indices)
-        return FrameSet(
-            [self.records[i] for i in indices],
-            self._store,
-            [self._positions[i] for i in indices],
-            self.warnings,
-        )
+        records, positions = [self.records[i] for i in indices], [self._positions[i] for i in indices]
+        return FrameSet(records, self._store, positions, self.warnings)
 
     def with_records(self, records: Sequence[FrameRecord]) -> FrameSet:
         """Returns the same pixels with other records, one per frame in the same order."""
@@ -284,12 +274,9 @@ def _common_depth(records: Sequence[FrameRecord]) -> int | None:
     given = {r.bit_depth: r for r in records if r.bit_depth is not None}
     if len(given) > 1:
         (one, _), (other, record), *_ = given.items()
-        raise InputError(
-            f"{other} and {one} bits are mixed in one set",
-            file=record.file,
-            field="bit_depth",
-            expected="frames of one bit depth; put the others in a separate set",
-        )
+        problem = f"{other} and {one} bits are mixed in one set"
+        expected = "frames of one bit depth; put the others in a separate set"
+        raise InputError(problem, file=record.file, field="bit_depth", expected=expected)
     return next(iter(given), None)
 
 

@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 
 from visaug.core.errors import InputError, readable
-from visaug.frames import fits, pixels, ser, tiff, xisf
+from visaug.frames import fits, pixels, ser, xisf
 from visaug.frames.arrays import arrays_in
-from visaug.frames.kinds import kind_of
-from visaug.frames.limits import pillow_image
-from visaug.frames.names import facts_of_name
+from visaug.frames.limits import opened_tiff, pillow_image
+from visaug.frames.names import facts_of_name, kind_of
 from visaug.frames.photo import describe_photo
 
 Facts = dict[str, Any]
@@ -29,27 +28,24 @@ def frames_of(path: Path) -> list[tuple[str, Facts]]:
         InputError: not readable.
     """
     suffix = pixels.suffix_of(path)
-    if suffix in pixels.FITS:
-        return fits.fits_frames(path)
-    if suffix == xisf.SUFFIX:
-        return xisf.xisf_frames(path)
-    if suffix == ser.SUFFIX:
-        return ser.ser_frames(path)
-    if suffix in pixels.TIFFS:
-        return _tiff(path)
-    if suffix in pixels.PHOTOS:
-        return _photo(path)
     if suffix == ".pgm":
         return [("", {"bit_depth": pixels.bits_of_file(path)})]
-    if suffix in pixels.PICTURES:
-        return [("", _exif_of_picture(path))]
-    if suffix in pixels.ARRAYS or suffix in pixels.HDF5:
-        return _arrays(path)
+    for suffixes, read in (
+        (pixels.FITS, fits.fits_frames),
+        ((xisf.SUFFIX,), xisf.xisf_frames),
+        ((ser.SUFFIX,), ser.ser_frames),
+        (pixels.TIFFS, _tiff),
+        (pixels.PHOTOS, _photo),
+        (pixels.PICTURES, _exif_of_picture),
+        ((*pixels.ARRAYS, *pixels.HDF5), _arrays),
+    ):
+        if suffix in suffixes:
+            return read(path)
     return [("", {})]
 
 
 def _tiff(path: Path) -> list[tuple[str, Facts]]:
-    with readable(path, "truncated, or not a TIFF file"), tiff.opened(path) as file:
+    with readable(path, "truncated, or not a TIFF file"), opened_tiff(path) as file:
         series = file.series[0]
         if _end_of_pixels(series) > file.filehandle.size:
             raise ValueError("pixels beyond its end")
@@ -72,9 +68,7 @@ def _tiff(path: Path) -> list[tuple[str, Facts]]:
             f"CHANNEL={i}" for i, (axis, n) in zip(index, outer, strict=True) if axis == "C" and n > 1
         ]
         setting = " ".join(filter(None, (facts.get("setting"), *channels)))
-        found.append(
-            (f"[{','.join(map(str, index))}]", {**facts, **({"setting": setting} if setting else {})})
-        )
+        found.append((f"[{','.join(map(str, index))}]", facts | ({"setting": setting} if setting else {})))
     return found
 
 
@@ -95,17 +89,15 @@ def _tags(page: Any) -> dict[str, Any]:
 
 
 def _photo(path: Path) -> list[tuple[str, Facts]]:
-    """A raw photograph: exposure and ISO from EXIF (most raw formats are TIFF files), mosaic and bits from the
-    raw data's description.
-    """
+    """A raw photograph: exposure and ISO from EXIF (most raw formats are TIFF files), mosaic and bits from the raw data."""
     facts: Facts = {}
     # a format of its own (CR3): its EXIF cannot be read, the rest can
-    with suppress(Exception), tiff.opened(path) as file:
+    with suppress(Exception), opened_tiff(path) as file:
         facts = _exif(_tags(file.pages[0]))
     return [("", {**facts, **describe_photo(path)})]
 
 
-def _exif_of_picture(path: Path) -> Facts:
+def _exif_of_picture(path: Path) -> list[tuple[str, Facts]]:
     from PIL import ExifTags
 
     with readable(path, "truncated or no picture"), pillow_image(path) as picture:
@@ -113,7 +105,7 @@ def _exif_of_picture(path: Path) -> Facts:
             picture.load()  # its EXIF may follow the pixels
         exif = picture.getexif()
         tags = {**exif, **exif.get_ifd(ExifTags.IFD.Exif)}
-    return _exif({ExifTags.TAGS.get(number, ""): value for number, value in tags.items()})
+    return [("", _exif({ExifTags.TAGS.get(number, ""): value for number, value in tags.items()}))]
 
 
 def _exif(tags: dict[str, Any]) -> Facts:
@@ -126,20 +118,14 @@ def _exif(tags: dict[str, Any]) -> Facts:
     iso = iso[0] if isinstance(iso, tuple) and iso else iso
     if isinstance(iso, int) and iso > 0:
         facts["setting"] = f"ISO={iso}"
-    body = [
-        f"{name.upper()}={'_'.join(str(tags[name]).split())}"
-        for name in ("Model", "BodySerialNumber")
-        if tags.get(name)
-    ]
-    if body:
-        facts["body"] = " ".join(body)
+    names = [name for name in ("Model", "BodySerialNumber") if tags.get(name)]
+    if names:
+        facts["body"] = " ".join(f"{name.upper()}={'_'.join(str(tags[name]).split())}" for name in names)
     text = str(tags.get("DateTimeOriginal", tags.get("DateTime", "")))
-    try:
+    with suppress(ValueError):
         moment = datetime.strptime(text[:19], "%Y:%m:%d %H:%M:%S").replace(tzinfo=timezone.utc)
         fraction = re.sub(r"\D", "", str(tags.get("SubsecTimeOriginal", "")))
-        facts["time_s"] = moment.timestamp() + (float(f"0.{fraction}") if fraction else 0.0)
-    except ValueError:
-        pass
+        facts["time_s"] = moment.timestamp() + float(f"0.{fraction}0")
     return facts
 
 
@@ -166,23 +152,19 @@ def _microscope(found: Any) -> Facts:
     return {}
 
 
-_ATTRIBUTES = ("exposure_s", "temperature_c", "gain_db", "photons", "bit_depth")
-_TEXTS = ("setting", "filter", "bayer")
-
-
 def _arrays(path: Path) -> list[tuple[str, Facts]]:
-    """Arrays by name: two axes are a frame, three a stack; an HDF5 data set's attributes are facts by the names
-    of frames.csv's columns.
+    """Arrays by name: two axes are a frame, three a stack; an HDF5 data set's attributes are facts by the names of frames.csv's
+    columns.
     """
     found: list[tuple[str, Facts]] = []
     arrays = arrays_in(path)
     last = _time_is_last([shape for _, shape, _ in arrays])
     for key, shape, attributes in arrays:
         facts = facts_of_name(key) if key else {}
-        for name in _ATTRIBUTES:
+        for name in ("exposure_s", "temperature_c", "gain_db", "photons", "bit_depth"):
             if (value := _ratio(attributes.get(name))) is not None:
                 facts[name] = int(value) if name == "bit_depth" else value
-        facts.update({n: str(attributes[n]) for n in _TEXTS if n in attributes})
+        facts.update({n: str(attributes[n]) for n in ("setting", "filter", "bayer") if n in attributes})
         if "kind" in attributes:
             facts["kind"] = kind_of(str(attributes["kind"]))
         if len(shape) == 2:

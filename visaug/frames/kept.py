@@ -40,7 +40,10 @@ class KeptFrames:
 
     def _write(self, i: int, frame: np.ndarray) -> None:
         try:
-            self._file = self._file or _file()
+            if self._file is None:
+                folder = cache_folder()  # a folder for temporary files is often memory
+                folder.mkdir(parents=True, exist_ok=True)
+                self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 - kept open
             _open.add(self)
             at, self._size = self._size, self._size + frame.nbytes
             if os.pwrite(self._file.fileno(), np.ascontiguousarray(frame).tobytes(), at) == frame.nbytes:
@@ -62,9 +65,3 @@ class KeptFrames:
 
 
 _open: WeakSet[KeptFrames] = WeakSet()
-
-
-def _file() -> IO[bytes]:
-    folder = cache_folder()  # a folder for temporary files is often memory
-    folder.mkdir(parents=True, exist_ok=True)
-    return tempfile.TemporaryFile(dir=folder)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from visaug.frames.record import MOSAICS, Window
+from visaug.frames.units import number_or_none
 
 _LIGHT = ("TRIMSEC", "DATASEC", "CCDSEC")
 _DARK = ("BIASSEC", "OVERSCAN", "OVERSC")
@@ -60,9 +61,9 @@ def layout_of(header: Mapping[str, Any], shape: tuple[int, ...]) -> Layout:
         window, flipped = (None if whole is not None and whole[0] == place[0] else place[0]), place[1]
     elif place is None:
         window = _subframe(header, height, width)
-    corner = [(kept or (0, 0, 0, 0))[n] + (size - 1 if turned else 0) for n, size, turned in
-              ((0, height, flipped[0]), (2, width, flipped[1]))]  # fmt: skip
-    return Layout(kept, overscan, flipped, window, _mosaic(header, rows, (corner[0], corner[1])))
+    top, left = (kept[0], kept[2]) if kept else (0, 0)
+    corner = top + (height - 1) * flipped[0], left + (width - 1) * flipped[1]
+    return Layout(kept, overscan, flipped, window, _mosaic(header, rows, corner))
 
 
 def _kept(header: Mapping[str, Any], rows: int, columns: int, alone: bool) -> tuple[Window | None, str]:
@@ -125,13 +126,8 @@ def _mosaic(header: Mapping[str, Any], rows: int, corner: tuple[int, int]) -> st
     row, column = corner
     if str(header.get("ROWORDER", "")).strip().upper().startswith("BOTTOM"):
         row = rows - 1 - row
-    offsets = []
-    for key in ("YBAYROFF", "XBAYROFF"):
-        try:
-            offsets.append(int(float(header.get(key, 0))))
-        except (TypeError, ValueError):
-            offsets.append(0)
-    places = [((row + r + offsets[0]) % 2, (column + c + offsets[1]) % 2) for r in (0, 1) for c in (0, 1)]
+    down, across = (int(number_or_none(header.get(key)) or 0) for key in ("YBAYROFF", "XBAYROFF"))
+    places = [((row + r + down) % 2, (column + c + across) % 2) for r in (0, 1) for c in (0, 1)]
     return "".join(pattern[2 * r + c] for r, c in places)
 
 

@@ -1,4 +1,4 @@
-"""How large a picture may claim to be, and which formats Pillow may take it for.
+"""How large a picture may claim to be, and pictures opened by Pillow and tifffile within these limits.
 
 A file of a few bytes can claim any size. Above the limit it is refused before memory is asked for; VISAUG_MAX_PIXELS raises
 the limit for sensors that are larger.
@@ -7,15 +7,19 @@ the limit for sensors that are larger.
 from __future__ import annotations
 
 import os
+import struct
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from math import prod
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
 
 from visaug.core.errors import InputError
+from visaug.core.extras import extra
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -55,6 +59,17 @@ def chosen_array(names: Sequence[str], key: str | None, file: Path, what: str) -
     return name
 
 
+def outside(index: Index, shape: Sequence[int], file: Path) -> InputError:
+    """The error of an index that a shape does not have."""
+    return InputError(f"index {list(index)} is outside shape {tuple(shape)}", file=file)
+
+
+def check_numbers(dtype: np.dtype, file: Path, field: str | None = None) -> None:
+    """Refuse pixels that are no real numbers."""
+    if dtype.kind not in "uif":
+        raise InputError(f"holds {dtype}", file=file, field=field, expected="integers or floats in DN")
+
+
 def check_index(index: Index, shape: Sequence[int], file: Path | str, key: str | None) -> None:
     """Refuse an index outside an array of this shape."""
     wrong = any(isinstance(i, int) and not 0 <= i < n for i, n in zip(index, shape, strict=False))
@@ -70,11 +85,8 @@ def check_shape(shape: Sequence[int], file: Path | str) -> None:
     if lower is not None and prod(sorted(shape)[-2:]) > lower[0]:
         raise InputError(f"has {shape[0]} x {shape[1]} pixels", file=file, expected=lower[1])
     if prod(shape) > max_pixels():
-        raise InputError(
-            f"claims {' x '.join(map(str, shape))} values",
-            file=file,
-            expected=f"at most {max_pixels()}; set {VARIABLE} to read larger pictures",
-        )
+        expected = f"at most {max_pixels()}; set {VARIABLE} to read larger pictures"
+        raise InputError(f"claims {' x '.join(map(str, shape))} values", file=file, expected=expected)
 
 
 @contextmanager
@@ -106,3 +118,39 @@ def pillow_image(
     with image:
         check_shape((image.height, image.width), path)
         yield image
+
+
+@contextmanager
+def opened_tiff(path: Path) -> Iterator[Any]:
+    """The `tifffile.TiffFile` of a file.
+
+    Raises:
+        InputError: tifffile is missing, or the file's pages follow one another in a circle.
+    """
+    with extra(path):
+        import tifffile
+
+    with tifffile.TiffFile(path) as file:
+        _check_pages(file, path)
+        yield file
+
+
+def _check_pages(file: Any, path: Path) -> None:
+    """Each page names the place of the next; tifffile follows a circle until memory is full."""
+    tiff, handle = file.tiff, file.filehandle
+    seen: set[int] = set()
+    try:
+        at = file.pages.first.offset
+        while 0 < at < handle.size and at not in seen:
+            seen.add(at)
+            handle.seek(at)
+            (tags,) = struct.unpack(tiff.tagnoformat, handle.read(tiff.tagnosize))
+            if tags > 4096:  # tifffile takes a page with more for the end of the file
+                return
+            handle.seek(tags * tiff.tagsize, 1)
+            (at,) = struct.unpack(tiff.offsetformat, handle.read(tiff.offsetsize))
+    except (IndexError, struct.error, OSError):
+        return  # there is no page, or the file ends before the chain, as tifffile notices
+    if at in seen:
+        problem = "is damaged: its pages follow one another in a circle"
+        raise InputError(problem, file=path, expected="a page after the last one, or none")

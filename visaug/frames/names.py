@@ -1,4 +1,4 @@
-"""Conditions of a frame from the names of its folders and file: ``darks/dark_2s_20C_003.tif``.
+"""The kind of a frame from a word, and its conditions from the names of its folders and file: ``darks/dark_2s_20C_003.tif``.
 
 A number that can be read in two ways (``dark_3_2s``: 3.2 s, or frame 3 of 2 s) gives no condition and is named.
 """
@@ -8,16 +8,27 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import PurePath
 from typing import Any
 
-from visaug.frames.kinds import is_master, kind_and_word
+from visaug.frames.units import SECONDS
 
+# In this order: a flat dark is a dark frame of a flat's exposure, and a word that says dark or flat says more than
+# bias, light or zero, which also name a voltage, a lamp or a gain (FLAT_reverse_bias_30V, flat_zero_gain).
+_KIND_WORDS = (
+    ("dark", re.compile(r"[a-z]*darks?(flat|frame|field)?s?")),
+    ("flat", re.compile(r"[a-z]*flats?(frame|field)?s?|twilight|bright")),
+    ("bias", re.compile(r"[a-z]*bias(es)?(frames?)?")),
+    ("scene", re.compile(r"(scene|light|object)s?|science")),
+    ("bias", re.compile(r"zeros?")),
+    ("bias", re.compile(r"offsets?")),  # French and Italian programs; elsewhere a camera setting
+    ("image", re.compile(r"(image|picture)s?")),
+)
+_MASTER = re.compile(r"master|combined|stacked|averaged|super(bias|dark|flat)")
 _END = r"(?![a-z0-9])"
 _NUMBER = r"(?<![\d.,])(?P<value>\d+(?:[.,p]\d+)?(?:e[-+]?\d+)?)"
-_SECONDS = {"ns": 1e-9, "us": 1e-6, "usec": 1e-6, "µs": 1e-6, "μs": 1e-6, "ms": 1e-3, "msec": 1e-3, "s": 1.0, "sec": 1.0,
-            "secs": 1.0, "seconds": 1.0, "min": 60.0}  # fmt: skip
-_EXPOSURE = re.compile(_NUMBER + rf"\s?(?P<unit>{'|'.join(sorted(_SECONDS, key=len, reverse=True))})" + _END)
+_EXPOSURE = re.compile(_NUMBER + r"\s?(?P<unit>[nuµμm]?s|[um]?sec|secs|seconds|min)" + _END)
 _MINUTES = re.compile(r"(?<![a-z\d.,])(\d+)\s?m(?:in)?_?(\d+(?:[.,]\d+)?)\s?s(?:ec)?" + _END)
 _TEMPERATURE = re.compile(_NUMBER + r"\s?(?:degc|deg|°c|c)" + _END)
 _DECIBELS = re.compile(r"(?P<sign>-?)" + _NUMBER + r"\s?db" + _END)
@@ -36,6 +47,45 @@ _FIRST_NUMBER = re.compile(
 )
 _SIGN = re.compile(r"(?<![a-z])(?:minus|neg|plus|m)_?$|[-−+]$")
 _CAMERA = re.compile(r"(?:asi|zwo|qhy|qhyccd|altair|hypercam|atik|touptek|omegon|svbony|sv|playerone)[_ -]$")
+
+
+@lru_cache(1000)  # a table contains few different words
+def kind_of(text: str) -> str | None:
+    """The kind that `text` names (``Bias Frame``, ``DOME FLAT``, ``zero``), None where it names none.
+
+    Examples:
+        >>> kind_of("Flat Dark"), kind_of("masterbias_2"), kind_of("lamp")
+        ('dark', 'bias', None)
+    """
+    found = kind_and_word(text)
+    return found[0] if found else None
+
+
+@lru_cache(1000)
+def kind_and_word(text: str, offset_is_kind: bool = True) -> tuple[str, str] | None:
+    """The kind that `text` names and the word that names it.
+
+    Args:
+        text: of a header, a cell or a name.
+        offset_is_kind: whether the word ``offset`` stands for a bias frame.
+    """
+    words = words_of(text)
+    for kind, pattern in _KIND_WORDS:
+        for word in words:
+            if pattern.fullmatch(word) and (offset_is_kind or not word.startswith("offset")):
+                return kind, word
+    return None
+
+
+@lru_cache(1000)
+def is_master(text: str) -> bool:
+    """Whether `text` names a frame that was combined from several exposures."""
+    return any(_MASTER.fullmatch(word) for word in words_of(text))
+
+
+def words_of(text: str) -> list[str]:
+    """Words in lower case; ``bias001`` gives ``bias``, ``masterBias`` gives ``master`` and ``bias``."""
+    return re.findall("[a-z]+", re.sub("master", " master ", text.lower()))
 
 
 @dataclass
@@ -129,13 +179,12 @@ def _read_part(found: Named, part: str, is_file: bool) -> None:
         found.take("setting", " ".join(f"{k}={v}" for k, v in settings.items()), part)
 
 
-def _first(
-    found: Named,
-    name: str,
-    pattern: re.Pattern,
-    part: str,
-    read: Callable[[re.Match], tuple[float | None, str]],
-) -> None:
+_Reader = Callable[
+    [re.Match], tuple[float | None, str]
+]  # the value of a match, and the part of the name that gives it
+
+
+def _first(found: Named, name: str, pattern: re.Pattern, part: str, read: _Reader) -> None:
     """The first match that can be read; where there is none, those that could be read in two ways."""
     unclear = []
     for match in pattern.finditer(part):
@@ -165,24 +214,19 @@ def _number(match: re.Match, before: str) -> tuple[float | None, str, str]:
     running number as well (``12_5``). A first number of four digits, with leading zeros, or of a setting stands apart.
     """
     pair = _FIRST_NUMBER.search(before)
-    text = match[0]
-    if (
-        pair is None
-        or re.fullmatch(r"0\d+", pair[1])
-        or re.search(r"(?:gain|offset|iso|bin)[_=-]$", before[: pair.start()])
-    ):
-        return _plain(match), text, before
+    alone = _plain(match), match[0], before
+    if pair is None or re.fullmatch(r"0\d+", pair[1]) or not match["value"].isdigit():
+        return alone
+    head, text = before[: pair.start()], pair[0] + match[0]
+    if re.search(r"(?:gain|offset|iso|bin)[_=-]$", head):
+        return alone
     first, sign, second = pair[1], pair[2], match["value"]
-    # `T25_5C`, `m10_5C`: no running number
-    attached = re.search(r"[a-z+−-]$", before[: pair.start()]) is not None
-    text, before = pair[0] + text, before[: pair.start()]
-    if not second.isdigit():
-        return _plain(match), match[0], before + pair[0]
+    attached = re.search(r"[a-z+−-]$", head) is not None  # `T25_5C`, `m10_5C`: no running number
     if first == "0" or (attached and len(first) > 1 and sign == "_" and len(second) == 1):
-        return float(f"{first}.{second}"), text, before
+        return float(f"{first}.{second}"), text, head
     if first == "1" and int(second) > 1 and match.groupdict().get("unit") in ("s", "sec"):
-        return 1 / int(second), text, before
-    return None, text, before
+        return 1 / int(second), text, head
+    return None, text, head
 
 
 def _exposure(match: re.Match) -> tuple[float | None, str]:
@@ -190,7 +234,7 @@ def _exposure(match: re.Match) -> tuple[float | None, str]:
     value, text, before = _number(match, before)
     if re.search("[a-zµμ]$", before) and not _BEFORE_SECONDS.search(before):
         return None, ""
-    return None if value is None else value * _SECONDS[match["unit"]], text
+    return None if value is None else value * SECONDS[match["unit"]], text
 
 
 def _celsius(match: re.Match) -> tuple[float | None, str]:
@@ -198,10 +242,9 @@ def _celsius(match: re.Match) -> tuple[float | None, str]:
     sign = _SIGN.search(before)
     if sign is not None:
         text, before = sign[0] + text, before[: sign.start()]
-        if sign[0] == "-" and re.search("[a-z0-9]$", before) and not _BEFORE_CELSIUS.search(before):
+        is_part = re.search("[a-z0-9]$", before) and not _BEFORE_CELSIUS.search(before)
+        if sign[0] == "-" and (is_part or re.search(rf"(?:{_KINDS})$", before)):
             return None, text  # a dash or a minus
-        if sign[0] == "-" and re.search(rf"(?:{_KINDS})$", before):
-            return None, text
         if sign[0][0] in "-−mn" and value is not None:
             value = -value
     elif _CAMERA.search(before) or (re.search("[a-z]$", before) and not _BEFORE_CELSIUS.search(before)):

@@ -47,9 +47,6 @@ def _opened(path: Path) -> Iterator[Any]:
     except InputError:
         raise
     except Exception as error:  # LibRaw raises many kinds
-        said = (
-            error.args[0].decode("ascii", "replace")
-            if error.args and isinstance(error.args[0], bytes)
-            else error
-        )
+        said = error.args[0] if error.args else error
+        said = said.decode("ascii", "replace") if isinstance(said, bytes) else error
         raise InputError(f"cannot be read ({said}); truncated, or not a raw photograph", file=path) from None

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from visaug.core.errors import InputError, readable
-from visaug.frames import fits, hdf5, photo, portable, ser, tiff, xisf
+from visaug.frames import fits, hdf5, photo, portable, ser, xisf
 from visaug.frames.arrays import ArrayStore
-from visaug.frames.limits import Index, check_shape, pillow_image
+from visaug.frames.limits import Index, check_numbers, check_shape, opened_tiff, outside, pillow_image
 from visaug.frames.raw import read_raw
 
 ARRAYS = (".npy", ".npz")
@@ -28,9 +28,8 @@ def split_name(name: str) -> tuple[str, str | None, Index]:
     file, _, fragment = name.partition("#")
     match = _FRAGMENT.match(fragment)
     if match is None:
-        raise InputError(
-            f"{fragment!r} picks no frame", file=name, expected="file.npz#key[3] or file.npz#key[3,0]"
-        )
+        expected = "file.npz#key[3] or file.npz#key[3,0]"
+        raise InputError(f"{fragment!r} picks no frame", file=name, expected=expected)
     index = match["index"]
     parts = tuple(slice(None) if i.strip() == ":" else int(i) for i in index.split(",")) if index else ()
     return file, match["key"].strip() or None, parts
@@ -51,8 +50,7 @@ def bits_of_file(path: Path) -> int | None:
 
 
 class PixelReader:
-    """Reads frames named relative to a folder, as they are stored: (H, W), integer or float, native
-    byte order.
+    """Reads frames named relative to a folder, as they are stored: (H, W), integer or float, native byte order.
 
     Attributes:
         layout: how .raw files are laid out, see `visaug.frames.raw`.
@@ -94,27 +92,18 @@ class PixelReader:
         elif suffix in PICTURES:
             pixels = _read_picture(path)
         else:
-            raise InputError(
-                f"{suffix or 'no suffix'} is not a frame format",
-                file=path,
-                expected="one of " + " ".join(SUFFIXES),
-            )
+            problem = f"{suffix or 'no suffix'} is not a frame format"
+            raise InputError(problem, file=path, expected="one of " + " ".join(SUFFIXES))
         try:
             pixels = pixels[index] if index else pixels
         except IndexError:
-            raise InputError(f"index {list(index)} is outside shape {pixels.shape}", file=path) from None
+            raise outside(index, pixels.shape, path) from None
         if pixels.ndim == 3 and pixels.shape[0] == 1:
             pixels = pixels[0]
         if pixels.ndim != 2:
-            raise InputError(
-                f"has shape {pixels.shape}",
-                file=self.root / name,
-                expected="one frame of rows x columns (pick one of a stack with #key[i])",
-            )
-        if pixels.dtype.kind not in "uif":
-            raise InputError(
-                f"holds {pixels.dtype}", file=self.root / name, expected="integers or floats in DN"
-            )
+            expected = "one frame of rows x columns (pick one of a stack with #key[i])"
+            raise InputError(f"has shape {pixels.shape}", file=self.root / name, expected=expected)
+        check_numbers(pixels.dtype, self.root / name)
         return pixels
 
     def bits(self, name: str) -> int | None:
@@ -149,11 +138,11 @@ def _is_file(path: Path) -> bool:
 
 def _read_tiff(path: Path, index: tuple[int, ...]) -> tuple[np.ndarray, tuple[int, ...]]:
     """Pixels, and the part of `index` that is still to be taken; of a plain stack one page alone is read."""
-    with readable(path, "truncated, or not a TIFF file"), tiff.opened(path) as file:
+    with readable(path, "truncated, or not a TIFF file"), opened_tiff(path) as file:
         series = file.series[0]
         if len(index) == 1 and len(series.shape) == 3 and len(series.pages) == series.shape[0]:
             if index[0] >= series.shape[0]:
-                raise InputError(f"index {list(index)} is outside shape {series.shape}", file=path)
+                raise outside(index, series.shape, path)
             page = series.pages[index[0]]
             if page is not None and page.shape == series.shape[1:]:
                 check_shape([int(n) for n in page.shape], path)
@@ -164,7 +153,7 @@ def _read_tiff(path: Path, index: tuple[int, ...]) -> tuple[np.ndarray, tuple[in
         return _gray(pixels), index
     pixels = np.moveaxis(pixels, axes.index("S"), -1)  # red, green and blue may lie one behind the other
     if any(i >= n for i, n in zip(index, (*pixels.shape[:-3], pixels.shape[-1]), strict=False)):
-        raise InputError(f"index {list(index)} is outside shape {series.shape}", file=path)
+        raise outside(index, series.shape, path)
     outer = pixels.ndim - 3
     of_stack = pixels[index[:outer]]
     if len(index) == outer + 1 and pixels.shape[-1] == 3:  # one of three planes, which a table names
@@ -174,12 +163,12 @@ def _read_tiff(path: Path, index: tuple[int, ...]) -> tuple[np.ndarray, tuple[in
 
 def _read_picture(path: Path) -> np.ndarray:
     suffix = path.suffix.lower()
+    if suffix == ".pgm":
+        return portable.read_pgm(path)
     depth, colour = portable.png_type(path) if suffix == ".png" else (0, 0)
     if depth == 16 and colour in (2, 6):  # Pillow would silently cut it to 8 bits
         raise InputError("is a 16-bit colour PNG", file=path, expected="a gray 16-bit PNG or a TIFF")
     deep_gray = (depth, colour) == (16, 4)
-    if suffix == ".pgm":
-        return portable.read_pgm(path)
     content = portable.as_eight_bit_colour(path) if deep_gray else None
     with readable(path, "truncated or no picture"), pillow_image(path, content=content) as picture:
         if picture.mode in ("P", "1", "CMYK", "YCbCr"):

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from visaug.core.errors import InputError
+from visaug.core.wording import counted
 from visaug.frames.record import FrameRecord
 
 
@@ -50,30 +51,23 @@ def plan_groups(
     """
     dimmest = 10.0  # photons at saturation
     if not dimmest <= saturation_photons <= 1e12:
-        raise InputError(
-            f"{saturation_photons:g} is out of range",
-            field="saturation_photons",
-            expected=f"photons per pixel from {dimmest:g} to 1e12",
-        )
+        expected = f"photons per pixel from {dimmest:g} to 1e12"
+        problem = f"{saturation_photons:g} is out of range"
+        raise InputError(problem, field="saturation_photons", expected=expected)
     if exposure_s <= 0:  # a table takes 0, of bias frames
         expected = "seconds above 0: flats and scenes need light"
         raise InputError(f"{exposure_s:g} is out of range", field="exposure_s", expected=expected)
     most_frames = 100_000  # of one setting
     for name, count in (("repeats", repeats), ("bias_frames", bias_frames)):
         if not 2 <= count <= most_frames:
-            raise InputError(
-                f"{count} is out of range", field=name, expected=f"2 to {most_frames} frames per setting"
-            )
+            expected = f"2 to {most_frames} frames per setting"
+            raise InputError(f"{count} is out of range", field=name, expected=expected)
     if not temperatures_c or not gains_db or not dark_exposures_s:
-        raise InputError(
-            "a group of the plan has no frames",
-            field="plan",
-            expected="one or more temperatures, gains and dark exposures",
-        )
+        expected = "one or more temperatures, gains and dark exposures"
+        raise InputError("a group of the plan has no frames", field="plan", expected=expected)
     brightest = 10.0  # of saturation: beyond, percentages or photons were meant
-    if not levels or not all(
-        0.5 < level * saturation_photons <= brightest * saturation_photons for level in levels
-    ):
+    light = [level * saturation_photons for level in levels]
+    if not levels or not all(0.5 < p <= brightest * saturation_photons for p in light):
         expected = f"shares of saturation, of one photon or more, up to {brightest:g}"
         raise InputError(f"{list(levels)}", field="levels", expected=expected)
     groups: list[PlannedGroup] = []
@@ -89,15 +83,9 @@ def plan_groups(
     ) -> FrameRecord:
         nonlocal count
         count += 1
-        return FrameRecord(
-            count - 1,
-            f"{kind}_{count - 1:04d}{suffix}",
-            kind,
-            float(exposure),
-            None if temperature_c is None else float(temperature_c),
-            float(gain_db),
-            photons,
-        )
+        degrees = None if temperature_c is None else float(temperature_c)
+        name = f"{kind}_{count - 1:04d}{suffix}"
+        return FrameRecord(count - 1, name, kind, float(exposure), degrees, float(gain_db), photons)
 
     def add(name: str, how: str, tells: str, lost: str, records: list[FrameRecord]) -> None:
         groups.append(PlannedGroup(name, how, tells, lost, tuple(records)))
@@ -112,24 +100,17 @@ def plan_groups(
     )
     add(
         "dark ladder",
-        f"lens capped, {len(dark_exposures_s)} exposures at {len(temperatures_c)} temperature"
-        f"{'s' if len(temperatures_c) > 1 else ''}",
+        f"lens capped, {len(dark_exposures_s)} exposures at {counted(len(temperatures_c), 'temperature')}",
         "dark current and its temperature law, its non-uniformity, hot pixels, glow, random telegraph noise",
         "dark current; with a single temperature its temperature coefficient",
         [frame("dark", t, c) for c in temperatures_c for t in dark_exposures_s for _ in range(repeats)],
     )
     add(
         "flats",
-        f"uniform light at {len(levels)} levels from {min(levels):g} to {max(levels):g} of saturation, photons per "
-        "pixel measured",
-        "gain by photon transfer, quantum efficiency, PRNU by row, column and pixel, linearity, full "
-        "well, vignetting",
+        f"uniform light at {len(levels)} levels from {min(levels):g} to {max(levels):g} of saturation, photons per pixel measured",
+        "gain by photon transfer, quantum efficiency, PRNU by row, column and pixel, linearity, full well, vignetting",
         "gain, and with it all figures in electrons; without `photons` only the quantum efficiency",
-        [
-            frame("flat", exposure_s, photons=round(level * saturation_photons))
-            for level in levels
-            for _ in range(repeats)
-        ],
+        [frame("flat", exposure_s, photons=round(p)) for p in light for _ in range(repeats)],
     )
     add(
         "flats at half light, twice the exposure",
@@ -138,15 +119,13 @@ def plan_groups(
         "nonlinearity and lamp drift cannot be distinguished",
         [frame("flat", 2 * exposure_s, photons=round(0.5 * saturation_photons)) for _ in range(repeats)],
     )
-    pairs = [frame(kind, exposure_s) for _ in range(2 * repeats) for kind in ("scene", "dark")]
     add(
         "edges and spots, each followed by a dark frame",
         "a chart of edges, then one small bright spot beyond saturation; the lens capped for the very next "
         "frame; give the noiseless target in `clean` where it is known",
-        "point spread, crosstalk, glare, flare, blooming, smear, charge transfer, and image lag in "
-        "the dark frame after",
+        "point spread, crosstalk, glare, flare, blooming, smear, charge transfer, and image lag in the dark frame after",
         "all effects between neighbouring pixels and consecutive frames",
-        pairs,
+        [frame(kind, exposure_s) for _ in range(2 * repeats) for kind in ("scene", "dark")],
     )
     if len(gains_db) > 1:
         add(

@@ -43,18 +43,16 @@ def read_pgm(path: Path) -> np.ndarray:
     if pixels.size < width * height:
         raise InputError(f"is truncated: {pixels.size} of {width * height} pixels", file=path)
     if pixels.size and not 0 <= pixels.min() <= pixels.max() <= top:
-        raise InputError(
-            f"holds values outside 0 to {top}", file=path, expected="at most the maximum in its head"
-        )
+        expected = "at most the maximum in its head"
+        raise InputError(f"holds values outside 0 to {top}", file=path, expected=expected)
     return pixels.reshape(height, width).astype(stored.newbyteorder("="))
 
 
 def _head(content: bytes, path: Path) -> re.Match[bytes]:
     head = _HEAD.match(content)
     if head is None or not 0 < int(head[7]) < 65536 or max(map(len, (head[3], head[5]))) > 9:
-        raise InputError(
-            "is no gray PGM picture", file=path, expected="P5 or P2 with a maximum of 1 to 65535"
-        )
+        expected = "P5 or P2 with a maximum of 1 to 65535"
+        raise InputError("is no gray PGM picture", file=path, expected=expected)
     return head
 
 

@@ -1,5 +1,4 @@
-""".raw: bare pixels, row by row, 16 bits each or packed. How they are laid out is found from the file's size and
-from the pixels.
+""".raw: bare pixels, row by row, 16 bits each or packed, as the file's size and the pixels tell.
 
 Packed formats: GenICam Pixel Format Naming Convention 2.4 (``Mono10p``, ``Mono12p``: the bits of neighbouring pixels
 follow one another, lowest first) and GigE Vision 1.2 (``Mono10Packed``, ``Mono12Packed``: two pixels in three bytes,
@@ -10,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -29,35 +29,29 @@ class _Layout:
     unpack: Callable[[np.ndarray], np.ndarray]
 
 
-def _lowest_first(bits: int) -> Callable[[np.ndarray], np.ndarray]:
-    def unpack(groups: np.ndarray) -> np.ndarray:
-        word = np.zeros(len(groups), np.uint64)
-        for n in range(groups.shape[1]):
-            word |= groups[:, n].astype(np.uint64) << np.uint64(8 * n)
-        pixels = 8 * groups.shape[1] // bits
-        mask = np.uint64((1 << bits) - 1)
-        return np.stack([(word >> np.uint64(bits * n)) & mask for n in range(pixels)], 1).astype(np.uint16)
-
-    return unpack
+def _lowest_first(bits: int, groups: np.ndarray) -> np.ndarray:
+    word = np.zeros(len(groups), np.uint64)
+    for n, byte in enumerate(groups.T):
+        word |= byte.astype(np.uint64) << np.uint64(8 * n)
+    firsts = range(0, 8 * groups.shape[1], bits)
+    mask = np.uint64((1 << bits) - 1)
+    return np.stack([(word >> np.uint64(first)) & mask for first in firsts], 1).astype(np.uint16)
 
 
-def _middle_byte(low_bits: int) -> Callable[[np.ndarray], np.ndarray]:
-    def unpack(groups: np.ndarray) -> np.ndarray:
-        first, middle, second = (groups[:, n].astype(np.uint16) for n in range(3))
-        low = (1 << low_bits) - 1
-        return np.stack([first << low_bits | (middle & low), second << low_bits | (middle >> 4 & low)], 1)
-
-    return unpack
+def _middle_byte(low_bits: int, groups: np.ndarray) -> np.ndarray:
+    first, middle, second = groups.astype(np.uint16).T
+    low = (1 << low_bits) - 1
+    return np.stack([first << low_bits | (middle & low), second << low_bits | (middle >> 4 & low)], 1)
 
 
 LAYOUTS = {
     "little": _Layout(16, 1, 2, lambda b: b.copy().view("<u2")),
     "big": _Layout(16, 1, 2, lambda b: b.copy().view(">u2").astype(np.uint16)),
     "mono8": _Layout(8, 1, 1, lambda b: b),
-    "mono10p": _Layout(10, 4, 5, _lowest_first(10)),
-    "mono12p": _Layout(12, 2, 3, _lowest_first(12)),
-    "mono12packed": _Layout(12, 2, 3, _middle_byte(4)),
-    "mono10packed": _Layout(10, 2, 3, _middle_byte(2)),
+    "mono10p": _Layout(10, 4, 5, partial(_lowest_first, 10)),
+    "mono12p": _Layout(12, 2, 3, partial(_lowest_first, 12)),
+    "mono12packed": _Layout(12, 2, 3, partial(_middle_byte, 4)),
+    "mono10packed": _Layout(10, 2, 3, partial(_middle_byte, 2)),
 }
 
 
@@ -68,22 +62,16 @@ def read_raw(path: Path, shape: tuple[int, int] | None, layout: str) -> np.ndarr
         InputError: no resolution, or a file of another size.
     """
     if shape is None:
-        raise InputError(
-            "a .raw file does not contain its size",
-            file=path,
-            field="resolution",
-            expected="the camera's rows and columns (--camera), or a region 0:rows,0:columns in frames.csv",
-        )
+        expected = "the camera's rows and columns (--camera), or a region 0:rows,0:columns in frames.csv"
+        problem = "a .raw file does not contain its size"
+        raise InputError(problem, file=path, field="resolution", expected=expected)
     rows, columns = shape
     form = LAYOUTS[layout]
     size, found = _bytes(form, rows * columns), _size(path)
     if found != size:
         what = "is truncated" if found < size else "is too long"
-        raise InputError(
-            f"{what}: {found} bytes",
-            file=path,
-            expected=f"{size} bytes for {rows} x {columns} pixels of {form.bits} bits",
-        )
+        expected = f"{size} bytes for {rows} x {columns} pixels of {form.bits} bits"
+        raise InputError(f"{what}: {found} bytes", file=path, expected=expected)
     groups = np.fromfile(path, np.uint8).reshape(-1, form.size)
     return form.unpack(groups).reshape(-1)[: rows * columns].reshape(rows, columns)
 
@@ -92,17 +80,14 @@ def check_size(path: Path, shape: tuple[int, int]) -> None:
     """Refuse a file that has the size of no layout for this shape."""
     size, (rows, columns) = _size(path), shape
     if all(_bytes(form, rows * columns) != size for form in LAYOUTS.values()):
-        raise InputError(
-            f"{size} bytes are no frame of {rows} x {columns} pixels",
-            file=path,
-            field="resolution",
-            expected=f"{2 * rows * columns} bytes for pixels of 16 bits, or the resolution of the file",
-        )
+        problem = f"{size} bytes are no frame of {rows} x {columns} pixels"
+        expected = f"{2 * rows * columns} bytes for pixels of 16 bits, or the resolution of the file"
+        raise InputError(problem, file=path, field="resolution", expected=expected)
 
 
 def guess_layout(path: Path, shape: tuple[int, int] | None) -> str:
-    """The layout of the file's size in which neighbours are most alike; little endian, as GenICam has it, where
-    both orders of 16 bits fit, and where no layout has that size. Mono10Packed is known by its free bits.
+    """The layout of the file's size in which neighbours are most alike; little endian, as GenICam has it, where both orders of 16
+    bits fit, and where no layout has that size. Mono10Packed is known by its free bits.
 
     Pixels unpacked in a wrong way have their coarsest bits among their finest, so neighbours differ far more.
     """

@@ -65,25 +65,28 @@ class FrameRecord:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            raise InputError(
-                f"{self.kind!r} is not a kind of frame", field="kind", expected=" or ".join(KINDS)
-            )
+            problem = f"{self.kind!r} is not a kind of frame"
+            raise InputError(problem, field="kind", expected=" or ".join(KINDS))
         for field, (low, high, expected) in _LIMITS.items():
             value = getattr(self, field)
             if value is None or (field == "exposure_s" and value == 0):
                 continue
             if not (math.isfinite(value) and low <= value <= high):
                 raise InputError(f"{value:g} is out of range", field=field, expected=expected)
-        if self.bayer is not None and self.bayer not in MOSAICS:
-            raise InputError(
-                f"{self.bayer!r} is not a colour filter pattern", field="bayer", expected=" or ".join(MOSAICS)
-            )
+        if self.bayer not in (None, *MOSAICS):
+            problem = f"{self.bayer!r} is not a colour filter pattern"
+            raise InputError(problem, field="bayer", expected=" or ".join(MOSAICS))
         if self.window is not None:
             r0, r1, c0, c1 = self.window
             if not (0 <= r0 < r1 and 0 <= c0 < c1):
                 problem = f"{format_window(self.window)} is not a window"
                 expected = "r0:r1,c0:c1 with 0 <= r0 < r1 and 0 <= c0 < c1"
                 raise InputError(problem, field="region", expected=expected)
+
+    @property
+    def window_size(self) -> tuple[int, int] | None:
+        """Rows and columns of the window; None for the whole sensor."""
+        return self.window and (self.window[1] - self.window[0], self.window[3] - self.window[2])
 
 
 @dataclass(frozen=True, slots=True)

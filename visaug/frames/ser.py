@@ -26,9 +26,8 @@ def _head(path: Path) -> tuple[int, int, tuple[int, int, int]]:
         raise InputError("cannot be read (no SER head); truncated, or not a SER video", file=path)
     _, colour, _, columns, rows, bits, frames = np.frombuffer(head, "<i4", 7, 14).tolist()
     if colour not in (0, *_MOSAICS):
-        raise InputError(
-            f"is a SER video of colour type {colour}", file=path, expected="a raw one, gray or a Bayer mosaic"
-        )
+        expected = "a raw one, gray or a Bayer mosaic"
+        raise InputError(f"is a SER video of colour type {colour}", file=path, expected=expected)
     if not 1 <= bits <= 16:
         raise InputError(f"has {bits} bits", file=path, expected="1 to 16")
     check_shape((rows, columns), path)
@@ -48,9 +47,8 @@ def read_ser(path: Path, index: tuple[int, ...]) -> np.ndarray:
     """Pixels of one frame. The head's mark of the byte order is used both ways; the one whose neighbours are more alike counts."""
     _, bits, shape = _head(path)
     if len(index) != 1 or not 0 <= index[0] < shape[0]:
-        raise InputError(
-            f"index {list(index)} is outside {shape[0]} frames", file=path, expected="file.ser#[0]"
-        )
+        expected = "file.ser#[0]"
+        raise InputError(f"index {list(index)} is outside {shape[0]} frames", file=path, expected=expected)
     if bits <= 8:
         return np.array(np.memmap(path, np.uint8, "r", _HEAD_BYTES, shape)[index[0]])
     orders = [

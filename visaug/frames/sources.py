@@ -17,20 +17,14 @@ from visaug.frames.survey import DESCRIPTOR, frame_files, survey
 from visaug.frames.units import number_or_none
 
 HEADED = (*FITS, ".xisf")  # formats whose headers tell the conditions
-_LABORATORY = ("bias", "dark", "flat")
+_LABORATORY = {"bias", "dark", "flat"}
 _PLAIN = (*PICTURES, *TIFFS, *PHOTOS, ".npy", ".raw")  # formats of ordinary pictures
-_PREVIEWS = (".jpg", ".jpeg", ".bmp")
 _VIDEO = "frames as the sensor gave them: SER, FITS, TIFF or PNG of 16 bits; video is compressed and has a tone curve"
-_FOREIGN: dict[str, str] = {}  # formats that are not read, and what to write instead
-_FOREIGN.update(dict.fromkeys((".avi", ".mp4", ".mov", ".mkv"), _VIDEO))
-_FOREIGN.update(
-    dict.fromkeys(
-        (".heic", ".heif", ".webp", ".gif", ".jp2", ".czi", ".nd2", ".lif", ".sif", ".spe"),
-        "TIFF, PNG or FITS",
-    )
+_OTHERS = (".heic", ".heif", ".webp", ".gif", ".jp2", ".czi", ".nd2", ".lif", ".sif", ".spe")
+# Formats that are not read, and what to write instead.
+_FOREIGN = dict.fromkeys((".avi", ".mp4", ".mov", ".mkv"), _VIDEO) | dict.fromkeys(
+    _OTHERS, "TIFF, PNG or FITS"
 )
-# Notes of a survey that ask for what a table lacks.
-_ASKS = ("kind", "exposure_s", "temperature_c", "photons", "bit_depth", "descriptor")
 
 
 def read_descriptor(
@@ -76,12 +70,9 @@ def read_descriptor(
             else:
                 raise ValueError
         except (ValueError, IndexError):
-            raise InputError(
-                f"{line.strip()!r} cannot be understood",
-                file=path,
-                field=f"line {number}",
-                expected="'n bits width height', 'b exposure photons', 'd exposure' or 'i image'",
-            ) from None
+            problem, field = f"{line.strip()!r} cannot be understood", f"line {number}"
+            expected = "'n bits width height', 'b exposure photons', 'd exposure' or 'i image'"
+            raise InputError(problem, file=path, field=field, expected=expected) from None
     if shape is None or not records:
         raise InputError("has no 'n' line or no image", file=path, expected="an EMVA 1288 descriptor")
     if unknown and warnings is not None:
@@ -98,38 +89,35 @@ def read_headed(folder: Path, files: list[Path], warnings: list[str]) -> list[Fr
 
     Other files beside them count where their names say bias, dark or flat and they are no preview of one with a header.
     """
-    stems = {_stem_of(f) for f in files if suffix_of(f) in HEADED}
+
+    def stem_of(file: Path) -> Path:
+        suffix = suffix_of(file)  # of two parts, or in capitals in the name
+        return file.with_name(file.name.removesuffix(suffix) if file.name.endswith(suffix) else file.stem)
+
+    stems = {stem_of(f) for f in files if suffix_of(f) in HEADED}
 
     def counts(file: Path) -> bool:
         if suffix_of(file) in HEADED:
             return True
-        kind = kind_of_name(file.relative_to(folder).as_posix())
-        return kind in _LABORATORY and _stem_of(file) not in stems and suffix_of(file) not in _PREVIEWS
+        is_preview = stem_of(file) in stems or suffix_of(file) in (".jpg", ".jpeg", ".bmp")
+        return not is_preview and kind_of_name(file.relative_to(folder).as_posix()) in _LABORATORY
 
     return _surveyed(folder, [f for f in files if counts(f)], warnings)
-
-
-def _stem_of(file: Path) -> Path:
-    return file.with_name(
-        file.name.removesuffix(suffix_of(file)) if file.name.endswith(suffix_of(file)) else file.stem
-    )
 
 
 def _surveyed(folder: Path, files: list[Path], warnings: list[str]) -> list[FrameRecord]:
     """Records of the files; a file below the folder that says no kind or exposure is left out."""
     found = survey(folder, files=files)
-    unknown = [
-        r
-        for name in ("kind", "exposure_s")
-        for r in found.missing(name)
-        if "/" in r["file"].partition("#")[0]
-    ]
+    lacking = [*found.missing("kind"), *found.missing("exposure_s")]
+    unknown = [row for row in lacking if "/" in row["file"].partition("#")[0]]
     used = set(files)
     if len(unknown) < len(found.rows):
         found.rows = [r for r in found.rows if not any(r is u for u in unknown)]
         used -= {folder / split_name(r["file"])[0] for r in unknown}
     warnings += _left_out(folder, used)
-    warnings += [note for note in found.notes if note.split(":")[0] not in _ASKS]
+    # Other notes ask for what a table lacks.
+    asks = ("kind", "exposure_s", "temperature_c", "photons", "bit_depth", "descriptor")
+    warnings += [note for note in found.notes if note.split(":")[0] not in asks]
     return found.records()
 
 
@@ -153,12 +141,10 @@ def _is_laboratory(folder: Path, files: list[Path]) -> bool:
     kinds: list[str | None] = []
     for file in files:
         by_name = kind_of_name(file.relative_to(folder).as_posix())
-        if suffix_of(file) in (".npz", *HDF5):
-            kinds += [facts.get("kind") or by_name for _, facts in frames_of(file)]
-        else:
-            kinds.append(by_name)
+        held = frames_of(file) if suffix_of(file) in (".npz", *HDF5) else [("", {})]
+        kinds += [facts.get("kind") or by_name for _, facts in held]
     named = sum(kind in _LABORATORY for kind in kinds)
-    return ({"bias"} <= set(kinds) or {"dark", "flat"} <= set(kinds)) and 2 * named > len(kinds)
+    return ("bias" in kinds or {"dark", "flat"} <= set(kinds)) and 2 * named > len(kinds)
 
 
 def read_pictures(folder: Path, files: list[Path], warnings: list[str] | None = None) -> list[FrameRecord]:
@@ -180,71 +166,53 @@ def find(path: Path) -> tuple[str, Path, list[Path]]:
     frames.csv wins over a descriptor, a descriptor over headers, these over plain pictures.
     """
     if path.is_file():
-        if path.suffix.lower() == ".csv":
-            return "table", path.parent, [path]
-        if path.suffix.lower() == ".txt":
-            return "descriptor", path.parent, [path]
-        if suffix_of(path) in SUFFIXES:
-            return "pictures", path.parent, [path]
-        raise InputError(
-            "is not a frame set",
-            file=path,
-            expected=_FOREIGN.get(
-                path.suffix.lower(), f"a folder, a frames.csv, an {DESCRIPTOR} or a picture"
-            ),
-        )
+        suffix = path.suffix.lower()
+        kind = {".csv": "table", ".txt": "descriptor"}.get(suffix)
+        if kind or suffix_of(path) in SUFFIXES:
+            return kind or "pictures", path.parent, [path]
+        expected = _FOREIGN.get(suffix, f"a folder, a frames.csv, an {DESCRIPTOR} or a picture")
+        raise InputError("is not a frame set", file=path, expected=expected)
     if not path.is_dir():
         raise InputError("no such file or folder", file=path)
     for kind, name in (("table", "frames.csv"), ("descriptor", DESCRIPTOR)):
         if (path / name).is_file():
             return kind, path, [path / name]
-    below = [f for f in frame_files(path) if not _is_of_its_own(f, path)]
-    top = [f for f in below if f.parent == path]
-    for kind, suffixes in (
-        ("fits", HEADED),
-        ("pictures", _PLAIN),
-        ("named", (*ARRAYS, *HDF5, ".ser")),
-    ):
-        if any(suffix_of(f) in suffixes for f in top):
+
+    def is_of_its_own(file: Path) -> bool:
+        """Whether a file belongs to a set in a subfolder, which has a description of its own."""
+        folders = [path / p for p in file.relative_to(path).parents if p.name]
+        return any((folder / name).is_file() for folder in folders for name in ("frames.csv", DESCRIPTOR))
+
+    below = [f for f in frame_files(path) if not is_of_its_own(f)]
+    top = {suffix_of(f) for f in below if f.parent == path}
+    for kind, suffixes in (("fits", HEADED), ("pictures", _PLAIN), ("named", (*ARRAYS, *HDF5, ".ser"))):
+        if top & {*suffixes}:
             return kind, path, below
-    kinds = {kind_of_name(f.relative_to(path).as_posix()) for f in below}
-    if kinds & {"bias", "dark", "flat"}:
+    if any(kind_of_name(f.relative_to(path).as_posix()) in _LABORATORY for f in below):
         return ("fits" if all(suffix_of(f) in HEADED for f in below) else "named"), path, below
     raise nothing_here(path, len(below))
-
-
-def _is_of_its_own(file: Path, folder: Path) -> bool:
-    """Whether a file belongs to a set in a subfolder, which has a description of its own."""
-    between = file.relative_to(folder).parents
-    return any(
-        (folder / p / name).is_file() for p in between if p.name for name in ("frames.csv", DESCRIPTOR)
-    )
 
 
 def _left_out(folder: Path, used: set[Path]) -> list[str]:
     """A warning that names the files in and below a folder that may hold frames and are not looked at; empty for none."""
     found = [f for f in frame_files(folder) if f not in used]
-    foreign = [f for f in sorted(folder.rglob("*")) if f.suffix.lower() in _FOREIGN and f.is_file()]
-    if not (found := [*found, *foreign]):
-        return []
+    found += [f for f in sorted(folder.rglob("*")) if f.suffix.lower() in _FOREIGN and f.is_file()]
     listed = first_of((f.relative_to(folder).as_posix() for f in found), 6)
     said = (
         f"files_left_out: {len(found)} files in or below the folder are not read ({listed}); `visaug frames` lists what "
         "each tells, and a frames.csv decides"
     )
-    return [said]
+    return [said] if found else []
 
 
 def nothing_here(folder: Path, below: int) -> InputError:
     """The error for a folder without frames; `below` is the number of files in or below it that may contain some."""
     for file in sorted(folder.rglob("*")):
-        if not below and file.suffix.lower() in _FOREIGN:
-            return InputError(
-                "is no format that can be read", file=file, expected=_FOREIGN[file.suffix.lower()]
-            )
-    return InputError(
-        "holds no frames" if not below else f"does not describe its frames; {below} files may contain some",
-        file=folder,
-        expected=f"frames.csv (`visaug frames {folder} -o {folder / 'frames.csv'}` writes one), {DESCRIPTOR}, FITS "
-        f"files, pictures ({' '.join(SUFFIXES)}), or folders named bias, dark and flat",
+        if not below and (instead := _FOREIGN.get(file.suffix.lower())):
+            return InputError("is no format that can be read", file=file, expected=instead)
+    problem = f"does not describe its frames; {below} files may contain some" if below else "holds no frames"
+    expected = (
+        f"frames.csv (`visaug frames {folder} -o {folder / 'frames.csv'}` writes one), {DESCRIPTOR}, FITS "
+        f"files, pictures ({' '.join(SUFFIXES)}), or folders named bias, dark and flat"
     )
+    return InputError(problem, file=folder, expected=expected)

@@ -1,6 +1,4 @@
-"""Where a set's pixels come from: files read one at a time, or arrays in memory. Both check what they
-hand out.
-"""
+"""Where a set's pixels come from: files read one at a time, or arrays in memory. Both check what they hand out."""
 
 from __future__ import annotations
 
@@ -13,13 +11,12 @@ from typing import Protocol
 import numpy as np
 
 from visaug.core.errors import InputError
+from visaug.frames.checks import check_frame, check_values
 from visaug.frames.kept import KeptFrames
 from visaug.frames.pixels import PixelReader, suffix_of
 from visaug.frames.raw import BYTE_ORDERS, LAYOUTS, guess_layout, unused_low_bits
 from visaug.frames.record import FrameRecord
-from visaug.frames.values import check_frame, check_values
 
-AS_THEY_ARE = (".npy", ".raw")  # files whose pixels need no decoding
 _FINDING = threading.Lock()
 _PROBED = 8  # frames looked at to find where the bits lie
 
@@ -107,10 +104,8 @@ class FileStore:
         bits_at: str | None,
         warnings: list[str],
     ) -> None:
-        for field, value, choices in (
-            ("byte_order", byte_order, tuple(LAYOUTS)),
-            ("bits_at", bits_at, ("top", "bottom")),
-        ):
+        orders, places = ("byte_order", byte_order, tuple(LAYOUTS)), ("bits_at", bits_at, ("top", "bottom"))
+        for field, value, choices in (orders, places):
             if value is not None and value not in choices:
                 raise InputError(f"{value!r} is unknown", field=field, expected=" or ".join(choices))
         if bit_depth is not None and not 1 <= bit_depth <= 32:
@@ -145,7 +140,7 @@ class FileStore:
         check_frame(record, pixels)
         self._check_size(record, pixels.shape)
         self._shapes[i] = pixels.shape
-        if suffix_of(self._reader.path(record.file)) not in AS_THEY_ARE:
+        if suffix_of(self._reader.path(record.file)) not in (".npy", ".raw"):  # whose pixels need no decoding
             self._kept.keep(i, pixels)
         return pixels.astype(np.float32)
 
@@ -161,11 +156,9 @@ class FileStore:
             # A plan names frames that are not there yet: their size is known by window or sensor, or not.
             size = self._shapes.get(i) or self._shape_of_raw(self._records[i])
             if size is not None and pixels.shape != size:
-                raise InputError(
-                    f"is {pixels.shape[0]} x {pixels.shape[1]}",
-                    file=self._root / name,
-                    expected="the size of its frame, {} x {}".format(*size),
-                )
+                expected = "the size of its frame, {} x {}".format(*size)
+                problem = "is {} x {}".format(*pixels.shape)
+                raise InputError(problem, file=self._root / name, expected=expected)
             self._cleans[name] = pixels.astype(np.float32)
             if len(self._cleans) > cleans_kept:
                 self._cleans.popitem(last=False)
@@ -178,15 +171,8 @@ class FileStore:
         return self._shapes[i]
 
     def with_bits(self, bit_depth: int) -> FileStore:
-        return FileStore(
-            self._records,
-            self._root,
-            self._resolution,
-            bit_depth,
-            self._byte_order,
-            self._bits_at,
-            self.warnings,
-        )
+        how = bit_depth, self._byte_order, self._bits_at, self.warnings
+        return FileStore(self._records, self._root, self._resolution, *how)
 
     def path(self, i: int) -> Path | None:
         return self._reader.path(self._records[i].file)
@@ -195,10 +181,7 @@ class FileStore:
         return self._reader.read(self._records[i].file, self._shape_of_raw(self._records[i]))
 
     def _shape_of_raw(self, record: FrameRecord) -> tuple[int, int] | None:
-        if record.window is None:
-            return self._resolution
-        r0, r1, c0, c1 = record.window
-        return r1 - r0, c1 - c0
+        return record.window_size or self._resolution
 
     def _check_size(self, record: FrameRecord, shape: tuple[int, ...]) -> None:
         if record.window is not None or record.kind == "image":
@@ -208,16 +191,12 @@ class FileStore:
             self._size = (self._resolution, "the sensor") if self._resolution else first
         size, whose = self._size
         if shape != size:
-            raise InputError(
-                f"frames differ in size: this one is {shape[0]} x {shape[1]}",
-                file=self._root / record.file,
-                expected=f"{size[0]} x {size[1]} as {whose}, or a region that states the window",
-            )
+            problem = f"frames differ in size: this one is {shape[0]} x {shape[1]}"
+            expected = f"{size[0]} x {size[1]} as {whose}, or a region that states the window"
+            raise InputError(problem, file=self._root / record.file, expected=expected)
 
     def _find_layout(self) -> None:
-        """Once for the set: byte order, bit depth and where the bits lie, from a few frames spread
-        over it.
-        """
+        """Once for the set: byte order, bit depth and where the bits lie, from a few frames spread over it."""
         if self._knows_layout:
             return
         with _FINDING:  # another thread would take the layout found so far
@@ -228,42 +207,44 @@ class FileStore:
     def _look_for_layout(self) -> None:
         raws = [i for i, r in enumerate(self._records) if r.file.lower().endswith(".raw")]
         if raws and self._byte_order is None:
-            probes = [raws[n] for n in np.unique(np.linspace(0, len(raws) - 1, _PROBED).astype(int))]
-            votes = [self._guess(i) for i in probes]
-            self._byte_order = max(dict.fromkeys(votes), key=votes.count)
-            self._reader.layout = self._byte_order
-            self.warnings.append(
-                f"byte_order_assumed: .raw files are read as {self._byte_order} endian, in which "
-                "neighbouring pixels are more similar"
-                if self._byte_order in BYTE_ORDERS
-                else f"packing_assumed: .raw files are read as {self._byte_order}, by their size and because "
-                "neighbouring pixels are more similar so"
+            probes = [
+                self._records[raws[n]] for n in np.unique(np.linspace(0, len(raws) - 1, _PROBED).astype(int))
+            ]
+            votes = [guess_layout(self._root / r.file, self._shape_of_raw(r)) for r in probes]
+            self._byte_order = self._reader.layout = max(dict.fromkeys(votes), key=votes.count)
+            order, alike = (
+                f".raw files are read as {self._byte_order}",
+                "neighbouring pixels are more similar",
             )
+            if self._byte_order in BYTE_ORDERS:
+                self.warnings.append(f"byte_order_assumed: {order} endian, in which {alike}")
+            else:
+                self.warnings.append(f"packing_assumed: {order}, by their size and because {alike} so")
         packed_bits = LAYOUTS[self._reader.layout].bits if raws else 16
         if packed_bits < 16 and self._bit_depth is None:
             self._bit_depth = packed_bits
         dtype = self._reader.dtype(self._records[0].file)
         if dtype is None:
             dtype = self._stored(0).dtype
-        deep = dtype.kind == "u" and dtype.itemsize == 2
-        deep = deep and packed_bits == 16
+        deep = dtype.kind == "u" and dtype.itemsize == 2 and packed_bits == 16
         unclear = (raws and self._bit_depth is None) or (deep and self._bit_depth not in (None, 16))
         if deep and (self._bits_at == "top" or (self._bits_at is None and unclear)):
             self._find_shift()
         if self._bit_depth is None:
             self._bit_depth = self._reader.bits(self._records[0].file) or _bits_of(dtype)
 
-    def _guess(self, i: int) -> str:
-        return guess_layout(self._root / self._records[i].file, self._shape_of_raw(self._records[i]))
-
     def _find_shift(self) -> None:
         """Bits at the top of 16 leave the low bits 0 in every pixel."""
-        brightest = sorted(range(len(self._records)), key=self._likely_level)
-        low = min(
-            unused_low_bits(self._stored(i))
-            for i in (*brightest[-_PROBED // 2 :], *brightest[: _PROBED // 2])
-        )
-        largest = max(float(self._stored(i).max()) for i in brightest[-_PROBED // 2 :])
+
+        def likely_level(i: int) -> tuple[int, float]:
+            record = self._records[i]
+            level = ("bias", "dark", "image", "scene", "flat").index(record.kind)
+            return level, record.photons or record.exposure_s
+
+        order = sorted(range(len(self._records)), key=likely_level)
+        darkest, brightest = order[: _PROBED // 2], order[-_PROBED // 2 :]
+        low = min(unused_low_bits(self._stored(i)) for i in (*brightest, *darkest))
+        largest = max(float(self._stored(i).max()) for i in brightest)
         if self._bit_depth is not None:
             shift = 16 - self._bit_depth
             if self._bits_at == "top" or (low >= shift and largest > (1 << self._bit_depth) - 1):
@@ -275,12 +256,6 @@ class FileStore:
                 f"bits_at_top_assumed: the lowest {self._shift} of 16 bits are 0 in all frames looked "
                 f"at; read as {self._bit_depth}-bit values at the top"
             )
-
-    def _likely_level(self, i: int) -> tuple[int, float]:
-        record = self._records[i]
-        return ("bias", "dark", "image", "scene", "flat").index(
-            record.kind
-        ), record.photons or record.exposure_s
 
 
 def _bits_of(dtype: np.dtype) -> int | None:

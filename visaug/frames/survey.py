@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from visaug.core.errors import InputError
+from visaug.core.errors import InputError, naming
 from visaug.core.wording import first_of
 from visaug.frames import pixels
 from visaug.frames.agreement import LISTED, agreed, names
@@ -68,14 +68,16 @@ class Survey:
         """
         for name, what in (("kind", "bias, dark, flat or scene"), ("exposure_s", "seconds")):
             if lacking := self.missing(name):
-                raise InputError(
-                    f"the {name} of {names(lacking)} is not known",
-                    file=self.folder,
-                    field=name,
-                    expected=f"{what}: write a table with `visaug frames {self.folder} -o "
-                    f"{self.folder / 'frames.csv'}` and complete it",
-                )
-        return [_record(row) for row in self.rows]
+                command = f"visaug frames {self.folder} -o {self.folder / 'frames.csv'}"
+                expected = f"{what}: write a table with `{command}` and complete it"
+                problem = f"the {name} of {names(lacking)} is not known"
+                raise InputError(problem, file=self.folder, field=name, expected=expected)
+        records = []
+        for row in self.rows:
+            values = {name: row[name] for name in ("sequence", "file", "clean", *_FIELDS)}
+            with naming(row["file"]):
+                records.append(FrameRecord(**values | {"exposure_s": values["exposure_s"] or 0.0}))
+        return records
 
     def text(self, folder: Path | None = None) -> str:
         """The content of a frames.csv in `folder`; unknown cells are blank."""
@@ -88,10 +90,8 @@ class Survey:
         """Files by (kind, what gave it, exposure in s, what gave it, temperature in degC, what gave it)."""
         found: dict[tuple, list[str]] = {}
         for row in self.rows:
-            key = tuple(
-                v for n in ("kind", "exposure_s", "temperature_c") for v in (row[n], row["_from"].get(n, ""))
-            )
-            found.setdefault(key, []).append(row["file"])
+            told = [(row[n], row["_from"].get(n, "")) for n in ("kind", "exposure_s", "temperature_c")]
+            found.setdefault(sum(told, ()), []).append(row["file"])
         return found
 
     def conditions(self) -> Counter:
@@ -128,18 +128,18 @@ def survey(
         raise InputError("is not a folder", file=folder, expected="the folder that holds the frames")
     named, files = files is not None, frame_files(folder) if files is None else files
     if not files:
-        raise InputError(
-            "holds no frames", file=folder, expected="files of the kinds " + " ".join(pixels.SUFFIXES)
-        )
+        expected = "files of the kinds " + " ".join(pixels.SUFFIXES)
+        raise InputError("holds no frames", file=folder, expected=expected)
     rows: list[Facts] = []
     unreadable: list[InputError] = []
     for n, file in enumerate(files):
         name = file.relative_to(folder).as_posix()
         by_name = read_name(name)
+        size = resolution if file.suffix.lower() == ".raw" else None
         try:
             frames = frames_of(file)
-            if resolution is not None and file.suffix.lower() == ".raw":
-                check_size(file, resolution)
+            if size is not None:
+                check_size(file, size)
         except InputError as error:
             if named and file.parent == folder:
                 raise
@@ -147,8 +147,8 @@ def survey(
             continue
         for fragment, facts in frames:
             rows.append(_row(f"{name}#{fragment}" if fragment else name, facts, by_name, given or {}))
-            if resolution is not None and file.suffix.lower() == ".raw":
-                rows[-1]["window"] = rows[-1]["window"] or (0, resolution[0], 0, resolution[1])
+            if size is not None:
+                rows[-1]["window"] = rows[-1]["window"] or (0, size[0], 0, size[1])
         if progress is not None:
             progress("reading headers", n + 1, len(files))
     if not rows and unreadable:
@@ -170,22 +170,17 @@ def parse_resolution(text: str | None) -> tuple[int, int] | None:
         return None
     match = re.fullmatch(r"\s*([1-9]\d*)\s*[x×]\s*([1-9]\d*)\s*", text)
     if match is None:
-        raise InputError(
-            f"{text!r} is not a size", field="--resolution", expected="rows x columns, as 1024x1280"
-        )
+        expected = "rows x columns, as 1024x1280"
+        raise InputError(f"{text!r} is not a size", field="--resolution", expected=expected)
     return int(match[1]), int(match[2])
 
 
 def frame_files(folder: Path) -> list[Path]:
     """Files that may hold frames, in natural order of their paths (2 before 10)."""
-    files = [
-        f
-        for f in folder.rglob("*")
-        if pixels.suffix_of(f) in pixels.SUFFIXES
-        and not any(part.startswith(".") for part in f.relative_to(folder).parts)
-        and f.is_file()
-    ]
-    return sorted(files, key=lambda f: natural(f.relative_to(folder).as_posix()))
+    named = [f for f in folder.rglob("*") if pixels.suffix_of(f) in pixels.SUFFIXES]
+    paths = {f.relative_to(folder): f for f in named}
+    visible = [p for p in paths if not any(part.startswith(".") for part in p.parts) and paths[p].is_file()]
+    return [paths[p] for p in sorted(visible, key=lambda p: natural(p.as_posix()))]
 
 
 def natural(text: str) -> list[tuple[int, int, str]]:
@@ -198,17 +193,15 @@ def _row(file: str, facts: Facts, by_name: Named, given: Mapping[str, Any]) -> F
     row: Facts = {"sequence": 0, "file": file, "clean": None}
     words = row["_from"] = {}
     for name in _FIELDS:
-        told = (
-            facts.get("words", {}).get(name, "the header"),
-            f"{by_name.words.get(name, '')} in the name",
-            "an option",
-        )
-        for values, word in zip((facts, by_name.facts, given), told, strict=True):
+        for values, word in (
+            (facts, facts.get("words", {}).get(name, "the header")),
+            (by_name.facts, f"{by_name.words.get(name, '')} in the name"),
+            (given, "an option"),
+        ):
             if row.setdefault(name, None) is None and values.get(name) is not None:
                 row[name], words[name] = values[name], word
-    if (
-        facts.get("combined") == 1 and "combined" in by_name.facts
-    ):  # headers rarely state that a frame is not a master
+    # Headers rarely state that a frame is not a master.
+    if facts.get("combined") == 1 and "combined" in by_name.facts:
         row["combined"] = by_name.facts["combined"]
     row["gain_db"] = row["gain_db"] or 0.0
     row["combined"] = 1 if row["combined"] is None else row["combined"]
@@ -233,13 +226,11 @@ def _order(rows: list[Facts]) -> list[str]:
         rows.sort(key=lambda r: (r["time_s"], natural(r["file"])))
     for n, row in enumerate(rows):
         row["sequence"] = n
-    if timed:
-        return []
     said = (
         "order_assumed: not every frame has its time of acquisition; they are numbered by name. If that was not the "
         "order, give it in the column sequence"
     )
-    return [said]
+    return [] if timed else [said]
 
 
 def _notes(found: Survey) -> list[str]:
@@ -251,8 +242,7 @@ def _notes(found: Survey) -> list[str]:
         )
     if lacking := found.missing("kind"):
         notes.append(
-            f"kind: not known for {names(lacking)}; put them into folders named bias, dark or flat, or fill "
-            "in the column kind"
+            f"kind: not known for {names(lacking)}; put them into folders named bias, dark or flat, or fill in the column kind"
         )
     if lacking := found.missing("exposure_s"):
         notes.append(
@@ -260,14 +250,12 @@ def _notes(found: Survey) -> list[str]:
             "it with --exposure if it is the same for all, or fill in the column"
         )
     rows = found.rows
-    cold = [r for r in rows if r["kind"] == "dark" and r["temperature_c"] is None]
-    if cold:
+    if cold := [r for r in rows if r["kind"] == "dark" and r["temperature_c"] is None]:
         notes.append(
             f"temperature_c: not known for {names(cold)}; without it the dark current has no temperature law. Give "
             "--temperature, or fill in the column"
         )
-    dim = [r for r in rows if r["kind"] == "flat" and r["photons"] is None]
-    if dim:
+    if dim := [r for r in rows if r["kind"] == "flat" and r["photons"] is None]:
         notes.append(
             f"photons: not known for {names(dim)}; without them the quantum efficiency is not determined. If the light was "
             "measured, fill in the mean number of photons per pixel"
@@ -276,28 +264,15 @@ def _notes(found: Survey) -> list[str]:
         notes.append(
             "bit_depth: not stated by the files; cameras with 10, 12 or 14 bits often write 16-bit files. Give --bit-depth"
         )
-    unlike = [
-        r for r in rows if r["_header_kind"] and r["_name_kind"] and r["_header_kind"] != r["_name_kind"]
-    ]
+    unlike = [r for r in rows if r["_header_kind"] and r["_name_kind"] not in (None, r["_header_kind"])]
     if unlike:
         notes.append(f"kind: header and name disagree for {names(unlike)}; the header is used")
     if masters := [r for r in rows if r["combined"] != 1]:
         notes.append(
-            f"combined: {names(masters)} are combined from several exposures; they are not raw frames and give no "
-            "temporal noise"
+            f"combined: {names(masters)} are combined from several exposures; they are not raw frames and give no temporal noise"
         )
     for word in dict.fromkeys(word for r in rows for word in r["_said"]):
         those = [r for r in rows if word in r["_said"]]
         details = sorted({r["_said"][word] for r in those})
         notes.append(f"{word}: {_SAID[word]} ({first_of(details, LISTED, '; ')}): {names(those)}")
     return notes
-
-
-def _record(row: Facts) -> FrameRecord:
-    values = {name: row[name] for name in ("sequence", "file", "clean", *_FIELDS)}
-    try:
-        return FrameRecord(**values | {"exposure_s": values["exposure_s"] or 0.0})
-    except InputError as error:
-        raise InputError(
-            error.problem, file=row["file"], field=error.field, expected=error.expected
-        ) from None

@@ -8,14 +8,14 @@ import difflib
 import io
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
 from visaug.core.errors import InputError
 from visaug.core.nearest import did_you_mean
-from visaug.frames.kinds import is_master, kind_of
+from visaug.frames.names import is_master, kind_of
 from visaug.frames.record import KINDS, FrameRecord, format_window, parse_window
 from visaug.frames.units import WARMEST_C, celsius, is_no_temperature
 
@@ -23,7 +23,6 @@ COLUMNS = ("sequence", "file", "kind", "exposure_s", "temperature_c", "gain_db",
 FURTHER = ("region", "setting", "filter", "combined", "bayer", "bit_depth", "time_s")
 SETTINGS = ("gain", "offset", "iso", "readoutm", "readout_mode")  # columns that together are the setting
 _REQUIRED = ("file", "kind")
-_MAY_LACK_EXPOSURE = ("bias", "image")
 
 
 def read_table(path: str | Path, warnings: list[str] | None = None) -> list[FrameRecord]:
@@ -42,25 +41,24 @@ def read_table(path: str | Path, warnings: list[str] | None = None) -> list[Fram
     if ignored and warnings is not None:
         warnings.append(f"columns_ignored: {path.name} has further columns: {', '.join(ignored)}")
     said: list[str] = []
-    made = [(number, _record(_cells(header, row, path, number), decimal, path, number, order, said))
-            for order, (number, row) in enumerate(rows[1:])]  # fmt: skip
+    records = [
+        _Row(_cells(header, row, path, number), decimal, path, number, said).record(order)
+        for order, (number, row) in enumerate(rows[1:])
+    ]
     if said and warnings is not None:
         warnings += [f"{word} ({path.name}, {said.count(word)} frames)" for word in dict.fromkeys(said)]
-    if not made:
+    if not records:
         raise InputError("lists no frames", file=path, expected="one row for each frame")
-    records = [record for _, record in made]
-    if "sequence" not in header:
-        return _by_time(records)
+    if "sequence" not in header:  # in order of time where every frame has one, else as they stand
+        if all(record.time_s is not None for record in records):
+            records.sort(key=lambda record: record.time_s or 0.0)
+        return [replace(record, sequence=n) for n, record in enumerate(records)]
     seen: dict[int, int] = {}
-    for number, record in made:
-        if record.sequence in seen:
-            raise InputError(
-                f"{record.sequence} is also used in row {seen[record.sequence]}",
-                file=path,
-                field=f"row {number}, sequence",
-                expected="a unique number for each frame",
-            )
-        seen[record.sequence] = number
+    for (number, _), record in zip(rows[1:], records, strict=True):
+        if (other := seen.setdefault(record.sequence, number)) != number:
+            field, expected = f"row {number}, sequence", "a unique number for each frame"
+            problem = f"{record.sequence} is also used in row {other}"
+            raise InputError(problem, file=path, field=field, expected=expected)
     return sorted(records, key=lambda r: r.sequence)
 
 
@@ -125,30 +123,25 @@ def _rows(path: Path) -> tuple[list[tuple[int, list[str]]], str]:
 
 def _check_header(header: list[str], path: Path) -> list[str]:
     """Refuse what cannot be a frame set's header; returns the columns that mean nothing here."""
-    known = (*COLUMNS, *FURTHER, *SETTINGS)
+    columns = (*COLUMNS, *FURTHER)
+    known = (*columns, *SETTINGS)
     for name in _REQUIRED:
         if name not in header:
-            raise InputError(
-                f"has no column {name!r}" + did_you_mean(name, sorted(set(header) - set(known))),
-                file=path,
-                field="header",
-                expected="at least the columns file and kind, of " + ",".join((*COLUMNS, *FURTHER)),
-            )
+            problem = f"has no column {name!r}" + did_you_mean(name, sorted(set(header) - set(known)))
+            expected = "at least the columns file and kind, of " + ",".join(columns)
+            raise InputError(problem, file=path, field="header", expected=expected)
     for name in header:
         if name and header.count(name) > 1:
             raise InputError(f"the column {name!r} is listed twice", file=path, field="header")
     ignored = [name for name in header if name and name not in known]
+    missing = [column for column in columns if column not in header]
     alike = 0.75  # similarity of difflib from which an unknown column is taken for a slip of the pen
     for name in ignored:
-        missing = [column for column in (*COLUMNS, *FURTHER) if column not in header]
         likely = [c for c in missing if name == c.rsplit("_", 1)[0]]
         likely = likely or difflib.get_close_matches(name, missing, 1, alike)
         if likely:
-            raise InputError(
-                f"{name!r} is not a column of a frame set; did you mean {likely[0]}?",
-                file=path,
-                field="header",
-            )
+            problem = f"{name!r} is not a column of a frame set; did you mean {likely[0]}?"
+            raise InputError(problem, file=path, field="header")
     return ignored
 
 
@@ -156,107 +149,113 @@ def _cells(header: list[str], row: list[str], path: Path, number: int) -> dict[s
     if len(row) == len(header) + 1 and "region" in header:  # r0:r1,c0:c1 written without quotation marks
         at = header.index("region")
         row = [*row[:at], f"{row[at]},{row[at + 1]}", *row[at + 2 :]]
+    wanted = f"{len(header)} cells"
     if any(cell.strip() for cell in row[len(header) :]) or len(row) < len(_REQUIRED):
-        raise InputError(
-            f"has {len(row)} cells", file=path, field=f"row {number}", expected=f"{len(header)} cells"
-        )
+        raise InputError(f"has {len(row)} cells", file=path, field=f"row {number}", expected=wanted)
     cells = dict(zip(header, [cell.strip() for cell in row], strict=False))
     for name in _REQUIRED:
         if name not in cells:
-            raise InputError(
-                "is missing", file=path, field=f"row {number}, {name}", expected=f"{len(header)} cells"
-            )
+            raise InputError("is missing", file=path, field=f"row {number}, {name}", expected=wanted)
     return cells
 
 
-def _record(
-    cells: dict[str, str], decimal: str, path: Path, number: int, order: int, said: list[str]
-) -> FrameRecord:
-    def wrong(column: str, problem: str, expected: str) -> InputError:
-        return InputError(problem, file=path, field=f"row {number}, {column}", expected=expected)
+@dataclass
+class _Row:
+    """The cells of one row by their columns, the sign of decimals, and what is said of what was read."""
 
-    def number_in(column: str) -> float | None:
-        text = cells.get(column, "")
+    cells: dict[str, str]
+    decimal: str
+    path: Path
+    place: int
+    said: list[str]
+
+    def record(self, order: int) -> FrameRecord:
+        cells, place_in_order = self.cells, "the place in the order of acquisition"
+        if "sequence" in cells and not cells["sequence"]:
+            raise self.wrong("sequence", "is blank", place_in_order)
+        if not cells["file"]:
+            raise self.wrong("file", "is blank", "the name of a file")
+        kind = kind_of(cells["kind"])
+        if kind is None:
+            raise self.wrong("kind", f"{cells['kind']!r} is not a kind of frame", " or ".join(KINDS))
+        exposure_s = self.number("exposure_s")
+        if exposure_s is None and kind not in ("bias", "image"):
+            if "exposure_s" in cells:
+                raise self.wrong("exposure_s", "is blank", "seconds, 0 or more")
+            problem = f"is no column of the table; {kind} frames need it"
+            expected = "a column exposure_s: seconds, 0 or more"
+            raise InputError(problem, file=self.path, field="exposure_s", expected=expected)
+        parts = [cells.get("setting"), *(f"{n.upper()}={cells[n]}" for n in SETTINGS if cells.get(n))]
+        averaged = 0 if is_master(cells["kind"]) else 1
+        try:
+            return FrameRecord(
+                sequence=self.whole("sequence", order, place_in_order),
+                file=cells["file"],
+                kind=kind,
+                exposure_s=exposure_s or 0.0,
+                temperature_c=self.temperature(),
+                gain_db=self.number("gain_db") or 0.0,
+                photons=self.number("photons"),
+                clean=cells.get("clean") or None,
+                window=parse_window(cells["region"]) if cells.get("region") else None,
+                setting=" ".join(filter(None, parts)) or None,
+                filter=cells.get("filter") or None,
+                combined=self.whole("combined", averaged, "how many exposures, 0 or more"),
+                bayer=cells.get("bayer", "").upper() or None,
+                bit_depth=self.whole("bit_depth", 0, "bits of the converter") or None,
+                time_s=self.time(),
+            )
+        except InputError as error:
+            if error.file is not None:
+                raise
+            raise self.wrong(str(error.field), error.problem, str(error.expected)) from None
+
+    def wrong(self, column: str, problem: str, expected: str) -> InputError:
+        return InputError(problem, file=self.path, field=f"row {self.place}, {column}", expected=expected)
+
+    def number(self, column: str) -> float | None:
+        text = self.cells.get(column, "")
         if not text:
             return None
         try:
-            return float(text.replace(",", ".") if decimal == "," else text)
+            return float(text.replace(",", ".") if self.decimal == "," else text)
         except ValueError:
-            raise wrong(column, f"{text!r} is not a number", "a number") from None
+            raise self.wrong(column, f"{text!r} is not a number", "a number") from None
 
-    def whole(column: str, default: int, what: str) -> int:
-        value = number_in(column)
+    def whole(self, column: str, default: int, what: str) -> int:
+        value = self.number(column)
         if value is None:
             return default
-        if value != value or value != value // 1 or abs(value) > 1e15:
-            raise wrong(column, f"{cells[column]!r} is not a whole number", what)
+        if not value.is_integer() or abs(value) > 1e15:
+            raise self.wrong(column, f"{self.cells[column]!r} is not a whole number", what)
         return int(value)
 
-    if "sequence" in cells and not cells["sequence"]:
-        raise wrong("sequence", "is blank", "the place in the order of acquisition")
-    if not cells["file"]:
-        raise wrong("file", "is blank", "the name of a file")
-    kind = kind_of(cells["kind"])
-    if kind is None:
-        raise wrong("kind", f"{cells['kind']!r} is not a kind of frame", " or ".join(KINDS))
-    exposure_s = number_in("exposure_s")
-    if "exposure_s" not in cells and kind not in _MAY_LACK_EXPOSURE:
-        raise InputError(
-            f"is no column of the table; {kind} frames need it",
-            file=path,
-            field="exposure_s",
-            expected="a column exposure_s: seconds, 0 or more",
-        )
-    if exposure_s is None and kind not in _MAY_LACK_EXPOSURE:
-        raise wrong("exposure_s", "is blank", "seconds, 0 or more")
-    parts = [f"{name.upper()}={cells[name]}" for name in SETTINGS if cells.get(name)]
-    setting = " ".join([*([cells["setting"]] if cells.get("setting") else []), *parts]) or None
-    try:
-        return FrameRecord(
-            sequence=whole("sequence", order, "the place in the order of acquisition"),
-            file=cells["file"],
-            kind=kind,
-            exposure_s=exposure_s or 0.0,
-            temperature_c=_celsius(number_in("temperature_c"), said),
-            gain_db=number_in("gain_db") or 0.0,
-            photons=number_in("photons"),
-            clean=cells.get("clean") or None,
-            window=parse_window(cells["region"]) if cells.get("region") else None,
-            setting=setting,
-            filter=cells.get("filter") or None,
-            combined=whole("combined", 0 if is_master(cells["kind"]) else 1, "how many exposures, 0 or more"),
-            bayer=cells.get("bayer", "").upper() or None,
-            bit_depth=whole("bit_depth", 0, "bits of the converter") or None,
-            time_s=_time(cells.get("time_s", ""), number_in, wrong),
-        )
-    except InputError as error:
-        if error.file is not None:
-            raise
-        raise wrong(str(error.field), error.problem, str(error.expected)) from None
+    def temperature(self) -> float | None:
+        """Degrees Celsius: a thermometer that is not there is unknown, what can only be Kelvin is converted, and both are said."""
+        value = self.number("temperature_c")
+        if value is None or value != value:
+            return value
+        degrees, made = celsius(value)
+        if made == "kelvin":
+            self.said.append(
+                f"temperature_kelvin: temperatures above {WARMEST_C:g} are read as Kelvin and converted"
+            )
+        elif is_no_temperature(value):
+            self.said.append(
+                f"temperature_unknown: {value:g} stands for no thermometer; the temperature is not known"
+            )
+            return None
+        return value if degrees is None else degrees
 
-
-def _celsius(value: float | None, said: list[str]) -> float | None:
-    """Degrees Celsius: a thermometer that is not there is unknown, what can only be Kelvin is converted, and both are said."""
-    if value is None or value != value:
-        return value
-    degrees, made = celsius(value)
-    if made == "kelvin":
-        said.append(f"temperature_kelvin: temperatures above {WARMEST_C:g} are read as Kelvin and converted")
-    elif is_no_temperature(value):
-        said.append(f"temperature_unknown: {value:g} stands for no thermometer; the temperature is not known")
-        return None
-    return value if degrees is None else degrees
-
-
-def _time(text: str, number_in, wrong) -> float | None:
-    """Seconds, from a number or a date and time as ISO 8601 writes it."""
-    seconds = iso_seconds(text)
-    if seconds is None and text:
+    def time(self) -> float | None:
+        """Seconds, from a number or a date and time as ISO 8601 writes it."""
+        text = self.cells.get("time_s", "")
+        seconds = iso_seconds(text)
         try:
-            return number_in("time_s")
+            return self.number("time_s") if seconds is None else seconds
         except InputError:
-            raise wrong("time_s", f"{text!r} is not a time", "seconds, or 2026-01-31T23:59:58.5") from None
-    return seconds
+            expected = "seconds, or 2026-01-31T23:59:58.5"
+            raise self.wrong("time_s", f"{text!r} is not a time", expected) from None
 
 
 def iso_seconds(text: str) -> float | None:
@@ -270,12 +269,3 @@ def iso_seconds(text: str) -> float | None:
     if "-" not in text:  # 20260131 is a number of seconds as well
         return None
     return (moment if moment.tzinfo else moment.replace(tzinfo=timezone.utc)).timestamp()
-
-
-def _by_time(records: list[FrameRecord]) -> list[FrameRecord]:
-    """In order of time where every frame has one, else as they stand; numbered from 0."""
-    times = [r.time_s for r in records]
-    order = range(len(records))
-    if None not in times:
-        order = sorted(order, key=lambda i: times[i] or 0.0)
-    return [replace(records[i], sequence=n) for n, i in enumerate(order)]

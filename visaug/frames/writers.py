@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import shutil
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from itertools import count
+from itertools import chain, count
 from math import prod
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
@@ -31,15 +31,14 @@ _FORMATS = ".npy, .npz, .tif or .fits; .png and .raw for whole DN of 16 bits"
 def save(
     frames: FrameSet,
     folder: Path,
-    keep_names: bool = False,
-    overwrite: bool = False,
-    beside: Callable[[Path], object] | None = None,
+    keep_names: bool,
+    overwrite: bool,
+    beside: Callable[[Path], object] | None,
 ) -> Path:
     """Write a set to `folder`; see `FrameSet.save`."""
     if folder.is_dir() and overwrite and any(folder.iterdir()) and not (folder / "frames.csv").is_file():
-        raise InputError(
-            "holds no frame set that can be replaced", file=folder, expected="a new or empty folder"
-        )
+        problem = "holds no frame set that can be replaced"
+        raise InputError(problem, file=folder, expected="a new or empty folder")
     with whole_folder(folder, overwrite) as temporary:
         cleans = _write_cleans(frames, temporary)
         # 8 and 16 bits show in the files; what lies between does not.
@@ -81,9 +80,7 @@ def _take_along(folder: Path, temporary: Path) -> None:
 
 
 def _write_archive(frames: FrameSet, path: Path) -> list[str]:
-    """All frames into one .npz, an array for each size, one frame in memory at a time; returns their
-    names.
-    """
+    """All frames into one .npz, an array for each size, one frame in memory at a time; returns their names."""
     shapes = [frames.shape(i) for i in range(len(frames))]
     names = [""] * len(frames)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
@@ -91,15 +88,9 @@ def _write_archive(frames: FrameSet, path: Path) -> list[str]:
             key = "frames" if n == 0 else f"frames_{n}"
             members = [i for i, s in enumerate(shapes) if s == shape]
             dtype = _smallest_type(frames, members)
+            head = {"descr": np.lib.format.dtype_to_descr(dtype), "fortran_order": False}
             with archive.open(f"{key}.npy", "w", force_zip64=True) as handle:
-                np.lib.format.write_array_header_2_0(
-                    handle,
-                    {
-                        "descr": np.lib.format.dtype_to_descr(dtype),
-                        "fortran_order": False,
-                        "shape": (len(members), *shape),
-                    },
-                )
+                np.lib.format.write_array_header_2_0(handle, head | {"shape": (len(members), *shape)})
                 for k, i in enumerate(members):
                     handle.write(np.ascontiguousarray(frames.read(i).astype(dtype)).tobytes())
                     names[i] = f"{path.name}#{key}[{k}]"
@@ -109,16 +100,14 @@ def _write_archive(frames: FrameSet, path: Path) -> list[str]:
 def _smallest_type(frames: FrameSet, indices: Iterable[int]) -> np.dtype:
     """uint8 or uint16 where that loses nothing, else float32."""
     if frames.bit_depth is not None and frames.bit_depth <= 16:
-        largest, whole = (1 << frames.bit_depth) - 1, True
-    else:
-        largest, whole = 0.0, True
-        for i in indices:
-            frame = frames.read(i)
-            largest = max(largest, float(frame.max()))
-            whole = whole and bool((frame == np.rint(frame)).all())
-    if not whole or largest > 65535:
-        return np.dtype(np.float32)
-    return np.dtype(np.uint8) if largest <= 255 else np.dtype(np.uint16)
+        return np.dtype(np.uint8 if frames.bit_depth <= 8 else np.uint16)
+    largest = 0.0
+    for i in indices:
+        frame = frames.read(i)
+        largest = max(largest, float(frame.max()))
+        if largest > 65535 or not (frame == np.rint(frame)).all():
+            return np.dtype(np.float32)
+    return np.dtype(np.uint8 if largest <= 255 else np.uint16)
 
 
 def _write_cleans(frames: FrameSet, folder: Path) -> dict[str, str]:
@@ -129,17 +118,12 @@ def _write_cleans(frames: FrameSet, folder: Path) -> dict[str, str]:
     for i, record in enumerate(frames.records):
         if record.clean and record.clean not in names:
             stem = PurePosixPath(record.clean.split("#")[0]).stem or "clean"
-            name = next(n for n in _numbered(stem) if n not in taken)
+            numbered = (f"clean_{stem}_{n}.npy" for n in count(2))
+            name = next(n for n in chain([f"{stem}.npy", f"clean_{stem}.npy"], numbered) if n not in taken)
             taken.add(name)
             np.save(folder / name, frames.clean(i))
             names[record.clean] = name
     return names
-
-
-def _numbered(stem: str) -> Iterator[str]:
-    yield f"{stem}.npy"
-    yield f"clean_{stem}.npy"
-    yield from (f"clean_{stem}_{n}.npy" for n in count(2))
 
 
 def _write_named(frames: FrameSet, folder: Path) -> None:
@@ -165,42 +149,33 @@ def places(records: Sequence[FrameRecord]) -> list[tuple[str, str | None, tuple[
     """
     found: list[tuple[str, str | None, tuple[int, ...]]] = []
     files: dict[str, bool] = {}  # whether it holds several frames
+
+    def check(allowed: bool, record: FrameRecord, problem: str, expected: str) -> None:
+        if not allowed:
+            raise InputError(f"{record.file!r} {problem}", field="file", expected=expected)
+
     for record in records:
         file, key, index = split_name(record.file)
         path = PurePosixPath(file)
         file = str(path)  # without ./ and //
-        if path.is_absolute() or ".." in path.parts or file in (".", "frames.csv", "camera.yaml"):
-            raise InputError(
-                f"{record.file!r} cannot be written", field="file", expected="a path inside the folder"
-            )
-        if path.suffix.lower() not in SUFFIXES:
-            raise InputError(
-                f"{record.file!r} cannot be written",
-                field="file",
-                expected=f"a name that ends in {_FORMATS}",
-            )
+        inside = not path.is_absolute() and ".." not in path.parts
+        inside = inside and file not in (".", "frames.csv", "camera.yaml")
+        check(inside, record, "cannot be written", "a path inside the folder")
+        is_known = path.suffix.lower() in SUFFIXES
+        check(is_known, record, "cannot be written", f"a name that ends in {_FORMATS}")
         numbers = tuple(n for n in index if isinstance(n, int))
-        if len(numbers) < len(index):
-            raise InputError(
-                f"{record.file!r} cannot be written", field="file", expected="frames along the first axis"
-            )
+        check(len(numbers) == len(index), record, "cannot be written", "frames along the first axis")
         archive = path.suffix.lower() == ".npz"
-        if archive != bool(key):
-            expected = "file.npz#key[index]" if archive else "a key in .npz alone"
-            raise InputError(f"{record.file!r} names no array", field="file", expected=expected)
-        if files.setdefault(file, archive or bool(index)) != (archive or bool(index)):
-            raise InputError(
-                f"{record.file!r} is used for one frame and for several",
-                field="file",
-                expected="an index for each frame, or one file per frame",
-            )
+        expected = "file.npz#key[index]" if archive else "a key in .npz alone"
+        check(archive == bool(key), record, "names no array", expected)
+        several = archive or bool(index)
+        same = files.setdefault(file, several) == several
+        expected = "an index for each frame, or one file per frame"
+        check(same, record, "is used for one frame and for several", expected)
         found.append((file, key, numbers))
     seen: set[tuple] = set()
     for record, place in zip(records, found, strict=True):
-        if place in seen:
-            raise InputError(
-                f"{record.file!r} names several frames", field="file", expected="a name for each frame"
-            )
+        check(place not in seen, record, "names several frames", "a name for each frame")
         seen.add(place)
         for above in PurePosixPath(place[0]).parents:
             if str(above) in files or str(above) in ("frames.csv", "camera.yaml"):
@@ -217,17 +192,13 @@ def _write_stack(frames: FrameSet, path: Path, parts: dict[int, tuple[str | None
         lengths = {len(index) for index in members.values()}
         shapes = {frames.shape(i) for i in members}
         if len(lengths) > 1 or len(shapes) > 1:
-            raise InputError(
-                "frames of different sizes or index depths share one array", file=path.name, field=key
-            )
+            problem = "frames of different sizes or index depths share one array"
+            raise InputError(problem, file=path.name, field=key)
         outer = tuple(max(n) + 1 for n in zip(*members.values()))
         if prod(outer) > most_gaps * len(members):
-            raise InputError(
-                f"an array of {' x '.join(map(str, outer))} frames for {len(members)} of them",
-                file=path.name,
-                field=key,
-                expected="indices from 0 without large gaps",
-            )
+            problem = f"an array of {' x '.join(map(str, outer))} frames for {len(members)} of them"
+            expected = "indices from 0 without large gaps"
+            raise InputError(problem, file=path.name, field=key, expected=expected)
         array = np.zeros((*outer, *shapes.pop()), dtype)
         for i, index in members.items():
             array[index] = frames.read(i)
@@ -244,8 +215,8 @@ def _write_stack(frames: FrameSet, path: Path, parts: dict[int, tuple[str | None
 def write_frame(
     path: Path, pixels: np.ndarray, dtype: np.dtype | None = None, name: str | None = None
 ) -> None:
-    """One frame (or stack) in the format of the suffix: .npy, TIFF, PNG, FITS or .raw (16 bit, little
-    endian). Errors call it `name`, where `path` is a temporary one.
+    """One frame (or stack) in the format of the suffix: .npy, TIFF, PNG, FITS or .raw (16 bit, little endian). Errors call it
+    `name`, where `path` is a temporary one.
     """
     suffix = path.suffix.lower()
     stored = pixels.astype(dtype or pixels.dtype)
@@ -268,8 +239,5 @@ def write_frame(
     elif suffix == ".raw" and stored.dtype.kind == "u":
         stored.astype("<u2").tofile(path)
     else:
-        raise InputError(
-            f"{stored.dtype} pixels cannot be written as {suffix or 'a file without suffix'}",
-            file=name or path,
-            expected=_FORMATS,
-        )
+        problem = f"{stored.dtype} pixels cannot be written as {suffix or 'a file without suffix'}"
+        raise InputError(problem, file=name or path, expected=_FORMATS)

@@ -106,8 +106,5 @@ def _value(text: str) -> Any:
 
 
 def _other(path: Path, why: str) -> InputError:
-    return InputError(
-        f"is an XISF file that cannot be read: {why}",
-        file=path,
-        expected="FITS or TIFF; PixInsight and Siril write them",
-    )
+    problem = f"is an XISF file that cannot be read: {why}"
+    return InputError(problem, file=path, expected="FITS or TIFF; PixInsight and Siril write them")

@@ -10,11 +10,9 @@ from scipy import stats
 
 from visaug.frames import FrameSet
 from visaug.frames.raw import unused_low_bits
-from visaug.inspection.finding import ALPHA, Finding
+from visaug.inspection.finding import ALPHA, Finding, some
 from visaug.inspection.material import FrameGroup
 from visaug.statistics.views.codes import NEIGHBOURS, SIDE
-
-_EXPECTED = 50.0  # pixels of a code that its neighbours predict, from which its absence tells
 
 
 @dataclass(frozen=True)
@@ -55,7 +53,7 @@ def shift_of(frames: FrameSet) -> int:
     return low if highest and (low in (4, 6, 8) or (low == 2 and highest >= 1 << 14)) else 0
 
 
-def codes_of(looks: list[FrameGroup], container: int, shift: int = 0) -> CodeCounts:
+def codes_of(looks: list[FrameGroup], container: int, shift: int) -> CodeCounts:
     """The codes of all frames.
 
     Args:
@@ -87,8 +85,7 @@ def code_findings(codes: CodeCounts, looks: list[FrameGroup]) -> list[Finding]:
     """Lost low bits, missing codes, clipping at either end."""
     if not codes.whole or not codes.counts.any():
         return []
-    found = [_lost_bits(codes), _gaps(codes)]
-    found += [_clipped(codes, looks, at_top) for at_top in (False, True)]
+    found = _lost_bits(codes), _gaps(codes), _clipped(codes, looks, False), _clipped(codes, looks, True)
     return [f for f in found if f is not None]
 
 
@@ -97,17 +94,16 @@ def _lost_bits(codes: CodeCounts) -> Finding | None:
     step = codes.step
     if step == 1 or len(used) < 3:
         return None
-    bits = int(math.log2(step))
+    bits, noise = int(math.log2(step)), step / math.sqrt(12)
     return Finding(
         "code_gaps",
         "fixed",
-        f"Only every {step}th code comes: the lowest {bits} bits are always 0; a step of {step} DN adds noise of "
-        f"{step / math.sqrt(12):.2g} DN.",
+        f"Only every {step}th code comes: the lowest {bits} bits are always 0; a step of {step} DN adds noise of {noise:.2g} DN.",
         f"the lowest {bits} bits lost",
         2 * float(codes.counts.sum()) * math.log(step),
-        amplitude_dn=step / math.sqrt(12),
-        low=step / math.sqrt(12),
-        high=step / math.sqrt(12),
+        amplitude_dn=noise,
+        low=noise,
+        high=noise,
         share=1 - 1 / step,
         details={"step_dn": step, "lost_bits": bits},
         shown={"counts": codes.counts},
@@ -118,37 +114,26 @@ def _gaps(codes: CodeCounts) -> Finding | None:
     """Codes that do not come although those around do, as after a digital gain or from a faulty converter."""
     counts = codes.counts[:: codes.step].astype(np.float64)
     expected = np.convolve(counts, NEIGHBOURS)[SIDE:-SIDE]
-    around = np.minimum(
-        _shifted(counts, 1) + _shifted(counts, 2), _shifted(counts, -1) + _shifted(counts, -2)
-    )
-    filled = (expected > _EXPECTED) & (around > _EXPECTED)
+    pairs = np.convolve(counts, [1, 1], "full")  # of neighbouring codes, by the upper one
+    around = np.minimum(np.concatenate([[0], pairs[:-2]]), np.concatenate([pairs[2:], [0]]))
+    enough = 50.0  # pixels of a code that its neighbours predict, from which its absence tells
+    filled = (expected > enough) & (around > enough)
     never = np.flatnonzero(filled & (counts < 0.02 * expected))
     if not len(never):
         return None
-    listed = ", ".join(str(int(c) * codes.step) for c in never[:5]) + (" ..." if len(never) > 5 else "")
-    share = len(never) / max(int(filled.sum()), 1)
     gaps = np.diff(never)
-    period = float(np.median(gaps)) if len(never) > 3 and np.ptp(gaps) <= 1 else None
+    missing = [int(c) * codes.step for c in never]
     return Finding(
         "code_gaps",
         "fixed",
-        f"{len(never)} codes never come although their neighbours do: {listed}.",
+        f"{len(never)} codes never come although their neighbours do: {some(missing, 5)}.",
         f"{len(never)} missing codes",
         2 * float(expected[never].sum()),
-        share=share,
-        period=period,
-        details={"codes": [int(c) * codes.step for c in never[:1000]]},
+        share=len(never) / max(int(filled.sum()), 1),
+        period=float(np.median(gaps)) if len(never) > 3 and np.ptp(gaps) <= 1 else None,
+        details={"codes": missing[:1000]},
         shown={"counts": codes.counts},
     )
-
-
-def _shifted(counts: np.ndarray, by: int) -> np.ndarray:
-    moved = np.roll(counts, by)
-    if by > 0:
-        moved[:by] = 0
-    else:
-        moved[by:] = 0
-    return moved
 
 
 def _clipped(codes: CodeCounts, looks: list[FrameGroup], at_top: bool) -> Finding | None:
@@ -160,12 +145,9 @@ def _clipped(codes: CodeCounts, looks: list[FrameGroup], at_top: bool) -> Findin
         return None
     look = looks[int(np.argmax(shares))]
     code = int(look.frames.max() if at_top else look.frames.min())
-    end = "highest" if at_top else "lowest"
-    spoils = (
-        "saturated"
-        if at_top
-        else "the black level is too low; noise and offsets in the dark come out too small"
-    )
+    end, spoils = "lowest", "the black level is too low; noise and offsets in the dark come out too small"
+    if at_top:
+        end, spoils = "highest", "saturated"
     return Finding(
         "clipping",
         "fixed",

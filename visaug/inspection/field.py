@@ -12,18 +12,11 @@ from visaug.inspection.lines import RowMeans, regular
 from visaug.inspection.material import FrameGroup
 from visaug.statistics.reduction import block_means, edges
 
-_BLOCKS = 8  # along rows and along columns
-_PLACES = {
-    (0, 0): "the upper left corner",
-    (0, 2): "the upper right corner",
-    (2, 0): "the lower left corner",
-    (2, 2): "the lower right corner",
-    (0, 1): "the upper edge",
-    (2, 1): "the lower edge",
-    (1, 0): "the left edge",
-    (1, 2): "the right edge",
-    (1, 1): "the middle",
-}
+_PLACES = (
+    ("the upper left corner", "the upper edge", "the upper right corner"),
+    ("the left edge", "the middle", "the right edge"),
+    ("the lower left corner", "the lower edge", "the lower right corner"),
+)
 
 
 def glow(look: FrameGroup, rows: RowMeans, columns: RowMeans) -> Finding | None:
@@ -32,7 +25,8 @@ def glow(look: FrameGroup, rows: RowMeans, columns: RowMeans) -> Finding | None:
         return None
     mean = look.data.calm.astype(np.float64) - regular(rows)[:, None] - regular(columns)[None, :]
     height, width = look.shape
-    parts = [edges(n, min(_BLOCKS, n // 8)) for n in look.shape]
+    most_blocks = 8  # along rows and along columns
+    parts = [edges(n, min(most_blocks, n // 8)) for n in look.shape]
     blocks = block_means(mean, *parts).astype(np.float64)
     blocks -= np.median(blocks)
     down, across = blocks.shape
@@ -50,14 +44,14 @@ def glow(look: FrameGroup, rows: RowMeans, columns: RowMeans) -> Finding | None:
     if abs(apart[top]) < max(needed_z(apart.size), 5.0) or chi < needed(1, apart.size):
         return None
     vertical, horizontal = (0 if k == 0 else 2 if k == n - 1 else 1 for k, n in zip(top, apart.shape))
-    place = _PLACES[vertical, horizontal]
+    place = _PLACES[vertical][horizontal]
     spread = deviation(float(blocks.var()), blocks.size - 1, variance)
     value, peak = spread["amplitude_dn"], float(blocks[top])
     shaded = look.is_lit and (peak < 0 or not look.guessed)
     what, short = ("shading", "shading") if shaded else ("glow", "a glow")
     return Finding(
         what,
-        "fixed" if look.count > 1 else None,
+        look.fixed,
         f"The level changes smoothly over the sensor: {place} lies {number(abs(peak))} DN {'above' if peak > 0 else 'below'} the "
         f"usual level; the standard deviation over the frame is {number(value)} DN.",
         f"{short} {'towards' if peak > 0 or shaded else 'away from'} {place}, {abs(peak):.2g} DN",
@@ -91,10 +85,9 @@ def frame_drift(look: FrameGroup, rows: RowMeans, columns: RowMeans) -> Finding 
     size = deviation(found, n - 1, variance)
     value = size["amplitude_dn"]
     order = float(np.corrcoef(np.arange(n), np.argsort(np.argsort(means)))[0, 1]) if n >= 5 else 0.0
-    steady = abs(order) > 0.9
-    how = (
-        f"{'rises' if order > 0 else 'falls'} from first to last" if steady else "changes from frame to frame"
-    )
+    how = "changes from frame to frame"
+    if abs(order) > 0.9:
+        how = f"{'rises' if order > 0 else 'falls'} from first to last"
     of = f" ({value / look.data.level:.2%} of it)" if look.is_lit else ""
     return Finding(
         "frame_drift",

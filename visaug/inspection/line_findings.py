@@ -17,12 +17,7 @@ from visaug.statistics.views.spectrum import power as spectrum
 
 def line_findings(lines: RowMeans) -> list[Finding]:
     """Everything that was found in the rows."""
-    fixed, temporal = lines.continua()
-    return [
-        *_wave_findings(lines),
-        *_offset_findings(lines, fixed, temporal),
-        *_step_findings(lines),
-    ]
+    return [*_wave_findings(lines), *_offset_findings(lines, *lines.continua()), *_step_findings(lines)]
 
 
 def _wave_findings(lines: RowMeans) -> Iterator[Finding]:
@@ -30,16 +25,14 @@ def _wave_findings(lines: RowMeans) -> Iterator[Finding]:
     left = sorted(lines.waves, key=lambda wave: wave.frequency)
     while left:
         first, *rest = left
-        harmonics = [
-            w
-            for w in rest
-            if w.new == first.new
-            and round(w.frequency / first.frequency) > 1
-            and abs(w.frequency / first.frequency - round(w.frequency / first.frequency)) * first.frequency
-            < 0.5
-        ]
-        left = [w for w in rest if not any(w is h for h in harmonics)]
-        found = _banding(lines, first, harmonics)
+
+        def is_harmonic(wave: Wave, first: Wave = first) -> bool:
+            times = wave.frequency / first.frequency
+            is_near = abs(times - round(times)) * first.frequency < 0.5
+            return wave.new == first.new and round(times) > 1 and is_near
+
+        left = [wave for wave in rest if not is_harmonic(wave)]
+        found = _banding(lines, first, [wave for wave in rest if is_harmonic(wave)])
         if found.amplitude_dn:
             yield found
 
@@ -49,28 +42,24 @@ def _banding(lines: RowMeans, wave: Wave, harmonics: list[Wave]) -> Finding:
     noise, offsets = wave.variance
     if wave.new:
         square = float((np.abs(wave.amplitudes) ** 2).mean()) - noise - offsets
-        value = math.sqrt(max(square, 0.0))
-        error = math.sqrt((noise / n + offsets) / 2)
     else:
-        value = math.sqrt(max(abs(wave.amplitudes.mean()) ** 2 - noise / n - offsets, 0.0))
-        error = math.sqrt((noise / n + offsets) / 2)
-    period = length / wave.frequency
-    kind = None if n == 1 else "per_frame" if wave.new else "fixed"
+        square = abs(wave.amplitudes.mean()) ** 2 - noise / n - offsets
+    value, period = math.sqrt(max(square, 0.0)), length / wave.frequency
     behaviour, advance = _phases(wave, n)
     details: dict[str, Any] = {"frequency_cycles_per_line": wave.frequency / length}
     if advance is not None:
         details["phase_advance_periods_per_frame"] = advance
+    tail = ""
     if harmonics:
         details["harmonics"] = [round(w.frequency / wave.frequency) for w in harmonics]
-    size = about(value, error)
-    tail = f"; harmonics {', '.join(map(str, details['harmonics']))} too" if harmonics else ""
+        tail = f"; harmonics {', '.join(map(str, details['harmonics']))} too"
     return Finding(
         f"{axis}_banding",
-        kind,
+        lines.look.new if wave.new else lines.look.fixed,
         f"Along the {axis}s runs a sine with a period of {period:.4g} {axis}s and a peak of {number(value)} DN; {behaviour}{tail}.",
         f"{axis} banding of {period:.3g} {axis}s, {value:.2g} DN, {behaviour}",
         wave.gain + sum(w.gain for w in harmonics),
-        **size,
+        **about(value, math.sqrt((noise / n + offsets) / 2)),
         period=period,
         axis=axis,
         details=details,
@@ -99,6 +88,15 @@ def _phases(wave: Wave, n: int) -> tuple[str, float | None]:
 
 def _offset_findings(lines: RowMeans, fixed: Continuum, temporal: Continuum | None) -> Iterator[Finding]:
     axis, n, length = lines.axis, lines.count, lines.length
+
+    def offset(kind: str | None, part: Continuum, freedom: float, text: str, how: str) -> Finding:
+        size = deviation(part.level, freedom, part.floor)
+        value = size["amplitude_dn"]
+        short = f"{axis} offsets of {value:.2g} DN, {how}"
+        text = f"Each {axis} {text.format(f'with a standard deviation of {number(value)} DN')}."
+        more = {"axis": axis, "shown": {"lines": lines}}
+        return Finding(f"{axis}_offset", kind, text, short, part.gain_white, **size, **more)
+
     if temporal is not None:
         if temporal.rise > 0 and temporal.gain_rise > needed(5, 2):
             yield _flicker(lines, temporal)
@@ -106,18 +104,8 @@ def _offset_findings(lines: RowMeans, fixed: Continuum, temporal: Continuum | No
         alias = 2 * float(temporal.beyond(length / 2) - temporal.white)
         freedom = 2 * temporal.bins * temporal.shape
         if temporal.gain_white > needed() and temporal.white > alias:
-            size = deviation(temporal.level, freedom, temporal.floor)
-            yield Finding(
-                f"{axis}_offset",
-                "per_frame",
-                f"Each {axis} has a new random offset in every frame, with a standard deviation of "
-                f"{number(size['amplitude_dn'])} DN.",
-                f"{axis} offsets of {size['amplitude_dn']:.2g} DN, new in each frame",
-                temporal.gain_white,
-                **size,
-                axis=axis,
-                shown={"lines": lines},
-            )
+            text = "has a new random offset in every frame, {}"
+            yield offset("per_frame", temporal, freedom, text, "new in each frame")
     if not lines.look.is_uniform:
         return
     freedom = 2 * fixed.bins
@@ -128,24 +116,12 @@ def _offset_findings(lines: RowMeans, fixed: Continuum, temporal: Continuum | No
     # The window keeps the ends of smooth changes out.
     narrow, _ = lines.continua(windowed=True)
     levels = (fixed.level, error), (narrow.level, error * math.sqrt(1 / WINDOWED))
-    z = (
-        min(math.log(max(level / fixed.floor, 1.0)) / e for level, e in levels)
-        if fixed.floor > 0
-        else math.inf
-    )
+    z = math.inf
+    if fixed.floor > 0:
+        z = min(math.log(max(level / fixed.floor, 1.0)) / e for level, e in levels)
     if fixed.gain_white > needed() and z > needed_z():
-        size = deviation(fixed.level, freedom, fixed.floor)
         how = "fixed" if n > 1 else "fixed or new cannot be told from one exposure"
-        yield Finding(
-            f"{axis}_offset",
-            "fixed" if n > 1 else None,
-            f"Each {axis} has its own offset with a standard deviation of {number(size['amplitude_dn'])} DN, {how}.",
-            f"{axis} offsets of {size['amplitude_dn']:.2g} DN, {how}",
-            fixed.gain_white,
-            **size,
-            axis=axis,
-            shown={"lines": lines},
-        )
+        yield offset(lines.look.fixed, fixed, freedom, f"has its own offset {{}}, {how}", how)
 
 
 def _flicker(lines: RowMeans, temporal: Continuum) -> Finding:
@@ -160,7 +136,6 @@ def _flicker(lines: RowMeans, temporal: Continuum) -> Finding:
     clear = along[0] - level > 6 * level / math.sqrt(noise.shape[0] * noise.shape[1])
     value = math.sqrt(between + (within if clear else 0.0))
     error = value / math.sqrt(2 * max(temporal.shape, 1) * 3)  # a few low frequencies have most of the power
-    size = about(value, error)
     return Finding(
         "flicker_noise",
         "per_frame",
@@ -168,7 +143,7 @@ def _flicker(lines: RowMeans, temporal: Continuum) -> Finding:
         f"{number(value)} DN, new in each frame{'; it goes on within a ' + axis if clear else ''}.",
         f"1/f noise over the {axis}s, {value:.2g} DN, new in each frame",
         temporal.gain_rise,
-        **size,
+        **about(value, error),
         axis=axis,
         details={"exponent": temporal.exponent},
         shown={"lines": lines},
@@ -176,25 +151,24 @@ def _flicker(lines: RowMeans, temporal: Continuum) -> Finding:
 
 
 def _step_findings(lines: RowMeans) -> Iterator[Finding]:
-    axis, n = lines.axis, lines.count
-    kind = "fixed" if n > 1 else None
+    axis, kind = lines.axis, lines.look.fixed
     if not lines.look.is_uniform:
         return
     for place, (height, error, gain) in lines.steps.items():
         if height**2 < error**2 * needed(3):  # it was a part of what was found after it
             continue
-        half = place == lines.length // 2
-        first, second = ("upper", "lower") if axis == "row" else ("left", "right")
-        text = (
-            f"The {second} half lies {number(abs(height))} DN {'above' if height > 0 else 'below'} the {first}"
-            if half
-            else f"From {axis} {place} on the level is {number(abs(height))} DN {'higher' if height > 0 else 'lower'}"
-        )
-        short = f"{first} and {second} halves" if half else f"a step at {axis} {place}"
+        size = f"{number(abs(height))} DN"
+        if place == lines.length // 2:
+            what, (first, second) = "halves", ("upper", "lower") if axis == "row" else ("left", "right")
+            text = f"The {second} half lies {size} {'above' if height > 0 else 'below'} the {first}"
+            short = f"{first} and {second} halves"
+        else:
+            what, short = "step", f"a step at {axis} {place}"
+            text = f"From {axis} {place} on the level is {size} {'higher' if height > 0 else 'lower'}"
         share = 1 - place / lines.length
         spread = math.sqrt(share * (1 - share))
         yield Finding(
-            "halves" if half else "step",
+            what,
             kind,
             f"{text}, the same in every frame; the standard deviation over the frame is {number(abs(height) * spread)} DN.",
             f"{short} {abs(height):.2g} DN apart, fixed",

@@ -21,10 +21,10 @@ from visaug.inspection.spectra import (
     sines,
     tapered,
 )
+from visaug.statistics.views.pattern import _detrended as smoothed_off
 from visaug.statistics.views.spectrum import power as spectrum
 
 LEAST_PERIODS = 3  # in a frame, of a fixed banding; slower changes are slopes and bumps
-_BESIDE = 1.25  # cycles per frame
 
 
 @dataclass(frozen=True)
@@ -111,12 +111,10 @@ def rows_of(look: FrameGroup, axis: str) -> RowMeans:
     most = 8  # regular parts taken off one after another
     for _ in range(most):
         fixed, temporal = found.continua(windowed=True)
-        options = [
-            o for o in (*_steps(found, fixed), _parity(found, fixed), _wave(found, fixed, temporal)) if o
-        ]
-        if not options:
+        options = *_steps(found, fixed), _parity(found, fixed), _wave(found, fixed, temporal)
+        if not any(options):
             break
-        _, take = max(options, key=lambda option: option[0])
+        _, take = max(filter(None, options), key=lambda option: option[0])
         take()
         _refine_steps(found)
     return found
@@ -142,13 +140,6 @@ def _refine_steps(lines: RowMeans) -> None:
         lines.steps[place] = (float(heights[k]), math.sqrt(spread[k] * max(fixed.level, 1e-12)), gain)
 
 
-def smoothed_off(profile: np.ndarray) -> np.ndarray:
-    """Less the cubic that fits it best."""
-    from visaug.statistics.views.pattern import _detrended
-
-    return _detrended(profile)
-
-
 def _steps(lines: RowMeans, fixed: Continuum) -> Iterator:
     """A step of the fixed rows at a quarter, beside a cubic about it."""
     if not lines.look.is_uniform:
@@ -162,14 +153,12 @@ def _steps(lines: RowMeans, fixed: Continuum) -> Iterator:
         here = np.arange(place - reach, min(place + reach, length))
         x = (here - place) / reach
         design = np.stack([(here >= place) - 0.5, np.ones(len(x)), x, x**2, x**3], 1)
-        solved, covariance = (
-            np.linalg.lstsq(design, profile[here], rcond=None)[0],
-            np.linalg.inv(design.T @ design),
-        )
+        height = float(np.linalg.lstsq(design, profile[here], rcond=None)[0][0])
+        covariance = np.linalg.inv(design.T @ design)
         variance = covariance[0, 0] * max(float(fixed.floors[slow - 1]) + fixed.white, 1e-12)
-        gain = float(solved[0] ** 2 / variance)
+        gain = float(height**2 / variance)
         if place not in lines.steps and gain > needed_t(len(quarters), fixed.bins):
-            step = float(solved[0]), math.sqrt(variance), gain
+            step = height, math.sqrt(variance), gain
 
             def take(place=place, step=step) -> None:
                 height, lines.steps[place] = step[0], step
@@ -210,7 +199,7 @@ def _wave(lines: RowMeans, fixed: Continuum, temporal: Continuum | None):
         least = LEAST_PERIODS if level is fixed else least_new
         allowed = (frequency >= least) & (frequency <= length / shortest)
         for wave in lines.waves:  # what a sine leaves beside itself is no other one
-            allowed &= np.abs(frequency - wave.frequency) > _BESIDE
+            allowed &= np.abs(frequency - wave.frequency) > 1.25  # cycles per frame
         narrow = fine_spectrum(tapered(profiles))[1]
         below = np.concatenate([np.zeros(2 * FINER), narrow[: -2 * FINER]])
         allowed &= narrow > above * below  # a smooth bump has more at lower frequencies
@@ -223,12 +212,8 @@ def _wave(lines: RowMeans, fixed: Continuum, temporal: Continuum | None):
             exact = sharpened(raw, float(frequency[top]), least - 0.25, degree)
             # Judged against what is left without it, which its own power does not raise.
             rest = raw - sines(phasors(raw, exact, degree), exact, length)
-            left = continuum(
-                spectrum(tapered(smoothed_off(rest.T).T if degree else rest)),
-                level.shape,
-                level.floors,
-                LEAST_PERIODS if degree else 1,
-            )
+            rest = tapered(smoothed_off(rest.T).T if degree else rest)
+            left = continuum(spectrum(rest), level.shape, level.floors, LEAST_PERIODS if degree else 1)
             gain = 2 * level.shape * float(power[top] / np.maximum(left.at(frequency[top]), 1e-12))
             clear = gain > needed_f(FINER * int(allowed.sum()), 2 * level.shape, WINDOWED * left.bins)
             if clear and (found is None or gain > found[0]):

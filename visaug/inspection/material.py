@@ -1,15 +1,105 @@
-"""Frames of one kind and level, with far-out pixels drawn in, so that no single pixel can look like a line."""
+"""Frames for an inspection: loaded whatever is known of them, the kind of each, and groups of one kind and level.
+
+Kinds are told by tables, headers and names, else by level and structure. Far-out pixels are drawn in, so that no single
+pixel can look like a line.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from visaug.core.constants import MAD
+from visaug.core.errors import InputError
 from visaug.frames import FrameSet, Group
+from visaug.frames.dark_folder import named_kinds, shows_a_scene
+from visaug.frames.stores import FileStore
+from visaug.frames.survey import survey
 from visaug.statistics import GroupData
+from visaug.statistics.reduction import block_means, edges
+
+
+def load_pixels(path: str | Path, bit_depth: int | None = None) -> FrameSet:
+    """The frame set at a path as `FrameSet.load` reads it, or without exposures and kinds where it refuses to for lack of them.
+
+    A file or folder of stacks (`.npy`, TIFF, FITS, `.npz`, HDF5) gives all frames of the stacks; frames of unknown kind
+    are of kind `image`, and unknown exposures are 0.
+
+    Raises:
+        InputError: there are no frames, or they cannot be read.
+    """
+    path = Path(path)
+    try:
+        frames = FrameSet.load(path, None, bit_depth)
+        if frames.is_pictures and len(frames):
+            frames.shape(0)
+        return frames
+    except InputError as refused:
+        stacked = refused.problem.startswith("has shape")
+        # Without a kind or an exposure a frame set cannot be measured, but can be looked at.
+        if path.suffix.lower() == ".csv" or not (stacked or refused.field in ("exposure_s", "kind")):
+            raise
+        root, files = (path.parent, [path]) if path.is_file() else (path, None)
+        seen = survey(root, {"exposure_s": 1.0}, files=files)
+        for row in seen.rows:
+            row["kind"] = row["kind"] or "image"
+        records = [replace(record, exposure_s=0.0) for record in seen.records()]
+        if stacked and len(records) < 2:
+            raise
+    found = FrameSet(records, FileStore(records, root, None, bit_depth, None, None, []))
+    found.loaded_from = path
+    return found
+
+
+def kinds_of(frames: FrameSet, shift: int) -> tuple[list[str], str]:
+    """The kind of each frame, and the sources that told it. Pixel values are shifted left by `shift` bits."""
+    told = [None if r.kind == "image" else r.kind for r in frames.records]
+    named = named_kinds(frames.records)
+    kinds = [kind or name for kind, name in zip(told, named, strict=True)]
+    unknown = [i for i, kind in enumerate(kinds) if kind is None]
+    sources = []
+    if any(told):
+        agree = all(kind in (None, name) for kind, name in zip(told, named, strict=True))
+        sources.append("the file names" if agree else "the table or headers")
+    elif any(named):
+        sources.append("the file names")
+    if unknown:
+        sources.append("level and structure")
+    by_level = _by_level(frames, unknown, shift)
+    return [str(kind or by_level[i]) for i, kind in enumerate(kinds)], ", else ".join(sources)
+
+
+def _by_level(frames: FrameSet, unknown: list[int], shift: int) -> dict[int, str]:
+    bits = (frames.bit_depth or 16) - shift
+    top = float((1 << bits) - 1)
+    least = 1023.0 if bits > 8 else 255.0  # a converter of 8 bits fills 8, in files of any type
+    found: dict[int, str] = {}
+    before: np.ndarray | None = None
+    lit = 0.25  # of the largest code, from which uniform frames are taken for flats
+    for i in unknown:
+        frame = frames.read(i) / np.float32(1 << shift)
+        highest = max(float(np.quantile(frame, 0.9999)), 1.0)
+        scale = next((b for b in (255.0, 1023.0, 4095.0, 16383.0, 65535.0) if b >= max(highest, least)), top)
+        if shows_a_scene(frame):
+            still = before is not None and before.shape == frame.shape and _same(before, frame)
+            found[i] = "scene" if still else "image"
+            if still and found.get(i - 1) == "image":
+                found[i - 1] = "scene"
+            before = frame
+        else:
+            found[i] = "flat" if float(np.median(frame)) > lit * scale else "dark"
+    return found
+
+
+def _same(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two frames show the same scene: their block means go together."""
+    parts = [edges(n, max(n // 8, 2)) for n in one.shape]
+    a, b = (block_means(frame, *parts).ravel() for frame in (one, other))
+    return bool(np.corrcoef(a, b)[0, 1] > 0.98)
+
 
 FAR = 8.0  # robust standard deviations beyond which a pixel does not take part in the statistics of lines
 
@@ -52,6 +142,16 @@ class FrameGroup:
     @property
     def is_lit(self) -> bool:
         return self.kind not in ("bias", "dark")
+
+    @property
+    def fixed(self) -> str | None:
+        """The kind of a fixed pattern; None where one frame alone cannot tell it from a new one."""
+        return "fixed" if self.count > 1 else None
+
+    @property
+    def new(self) -> str | None:
+        """The kind of a pattern that is new in each frame, in the same way."""
+        return "per_frame" if self.count > 1 else None
 
     @cached_property
     def raw(self) -> GroupData:
@@ -126,7 +226,7 @@ def _beyond(pixels: np.ndarray) -> np.ndarray:
 
 
 def looks(
-    frames: FrameSet, kinds: list[str], guessed: bool = False, shift: int = 0
+    frames: FrameSet, kinds: list[str], guessed: bool, shift: int
 ) -> tuple[list[FrameGroup], list[str]]:
     """The frames by kind, conditions, size and level, the largest group first; and notes on what was left out.
 
@@ -164,18 +264,11 @@ def looks(
                     f"fractions: the frames hold fractions of 1; sizes are given for {full_scale:.0f} DN"
                 )
             for part in _levels(stack, group.kind):
-                members = [indices[k] for k in part]
-                distinct = _distinct(stack[part])
-                found.append(
-                    FrameGroup(
-                        group.kind,
-                        replace(group, indices=tuple(members)),
-                        stack[part][distinct],
-                        len(part) - len(distinct),
-                        frames.told_bits,
-                        guessed,
-                    )
-                )
+                own = replace(group, indices=tuple(indices[k] for k in part))
+                first = {frame.tobytes(): k for k, frame in reversed(list(enumerate(stack[part])))}
+                kept = stack[part][sorted(first.values())]  # without copies of an earlier frame
+                copies = len(part) - len(kept)
+                found.append(FrameGroup(group.kind, own, kept, copies, frames.told_bits, guessed))
     return sorted(found, key=lambda look: -look.count), notes
 
 
@@ -185,17 +278,7 @@ def _levels(stack: np.ndarray, kind: str) -> list[list[int]]:
     if kind not in ("flat", "dark", "bias") or len(means) < 3:
         return [list(range(len(means)))]
     order = np.argsort(means)
-    spread = np.median(stack[0].std(dtype=np.float64))
-    jump = (
-        max(0.1 * float(np.median(means)), 3 * float(spread)) if kind == "flat" else 20 * float(spread) + 20
-    )
+    spread = float(stack[0].std(dtype=np.float64))
+    jump = max(0.1 * float(np.median(means)), 3 * spread) if kind == "flat" else 20 * spread + 20
     parts = np.split(order, np.flatnonzero(np.diff(means[order]) > jump) + 1)
     return [sorted(int(k) for k in part) for part in parts]
-
-
-def _distinct(stack: np.ndarray) -> list[int]:
-    """Positions of frames that are no copies of an earlier one."""
-    seen: dict[bytes, int] = {}
-    for k, frame in enumerate(stack):
-        seen.setdefault(frame.tobytes(), k)
-    return sorted(seen.values())

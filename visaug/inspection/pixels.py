@@ -10,14 +10,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy import stats
 
 from visaug.core.constants import MAD
-from visaug.core.wording import number
-from visaug.inspection.finding import ALPHA, Finding, Size, deviation
+from visaug.core.wording import counted, number
+from visaug.inspection.finding import ALPHA, Finding, Size, deviation, some
 from visaug.inspection.material import FAR, FrameGroup
-
-# of the variance of the temporal noise: more has the fixed pattern of no ordinary sensor in the dark
-_STRONG = 0.5
-_AROUND = 3  # px on either side, that a defect is compared with
-_POOL = 200_000  # pixels that tell the law of what noise does
 
 
 def line_defects(look: FrameGroup, axis: str) -> tuple[Finding | None, np.ndarray]:
@@ -41,31 +36,27 @@ def line_defects(look: FrameGroup, axis: str) -> tuple[Finding | None, np.ndarra
         return None, np.zeros(height, bool)
     which = np.flatnonzero(bad)
     heights = off[which]
-    listed = ", ".join(map(str, which[:5])) + (" ..." if len(which) > 5 else "")
-    plural = "s" if len(which) > 1 else ""
+    lines = f"{counted(len(which), axis)} ({some(which.tolist(), 5)})"
     typical = float(np.median(np.abs(heights)))
-    error = scale / math.sqrt(len(which))
-    places = tuple(
-        (int(k), -1, "line", float(off[k])) if axis == "row" else (-1, int(k), "line", float(off[k]))
-        for k in which
+    places = [(int(k), -1) if axis == "row" else (-1, int(k)) for k in which]
+    finding = Finding(
+        "line_defects",
+        look.fixed,
+        f"{lines} stand{'' if len(which) > 1 else 's'} out from the neighbours by {number(typical)} DN.",
+        f"{len(which)} defective {lines.partition(' ')[2]}",
+        look.count * width * float(np.log1p((heights / max(look.noise_dn, 0.3)) ** 2).sum()) + 50,
+        **_about(typical, scale / math.sqrt(len(which))),
+        share=len(which) / height,
+        axis=axis,
+        places=tuple((*place, "line", float(h)) for place, h in zip(places, heights)),
+        shown={"image": look.frames.mean(0)},
     )
-    return (
-        Finding(
-            "line_defects",
-            "fixed" if look.count > 1 else None,
-            f"{len(which)} {axis}{plural} ({listed}) stand{'' if plural else 's'} out from the neighbours by {number(typical)} DN.",
-            f"{len(which)} defective {axis}{plural} ({listed})",
-            look.count * width * float(np.log1p((heights / max(look.noise_dn, 0.3)) ** 2).sum()) + 50,
-            amplitude_dn=typical,
-            low=max(typical - 2 * error, 0.0),
-            high=typical + 2 * error,
-            share=len(which) / height,
-            axis=axis,
-            places=places,
-            shown={"image": look.frames.mean(0)},
-        ),
-        bad,
-    )
+    return finding, bad
+
+
+def _about(value: float, error: float) -> Size:
+    """The typical size of defects, within two standard errors."""
+    return {"amplitude_dn": value, "low": max(value - 2 * error, 0.0), "high": value + 2 * error}
 
 
 def _apart(profile: np.ndarray) -> np.ndarray:
@@ -88,14 +79,9 @@ def pixel_findings(look: FrameGroup) -> list[Finding]:
     """Hot, dead and unstable pixels, and the fixed pattern of all of them where it is strong."""
     if not look.is_uniform:
         return []
-    bright, dim = _standing_out(look)
-    jumping = _unstable(look) & ~bright & ~dim
-    found = [
-        _defects(look, "hot_pixels", "hot", bright),
-        _defects(look, "dead_pixels", "dead", dim),
-        _jumps(look, jumping),
-        _pattern(look),
-    ]
+    hot, dead = _standing_out(look)
+    jumps = _jumps(look, _unstable(look) & ~hot & ~dead)
+    found = _defects(look, "hot", hot), _defects(look, "dead", dead), jumps, _pattern(look)
     return [f for f in found if f is not None]
 
 
@@ -127,11 +113,9 @@ def _standing_out(look: FrameGroup) -> tuple[np.ndarray, np.ndarray]:
 
 def _lone(image: np.ndarray, where: np.ndarray, least: float) -> np.ndarray:
     """Which of the chosen pixels are far from the pixels around them, which change less: a steep slope is no defect."""
-    # beyond an edge as steep as before it
-    padded = np.pad(image, _AROUND, mode="reflect", reflect_type="odd")
-    around = sliding_window_view(padded, (2 * _AROUND + 1, 2 * _AROUND + 1))[where].reshape(
-        int(where.sum()), -1
-    )
+    reach = 3  # px on either side, that a defect is compared with
+    padded = np.pad(image, reach, mode="reflect", reflect_type="odd")  # beyond an edge as steep as before it
+    around = sliding_window_view(padded, (2 * reach + 1, 2 * reach + 1))[where].reshape(int(where.sum()), -1)
     low, middle, high = np.quantile(around, [0.25, 0.5, 0.75], axis=1)
     return np.abs(image[where] - middle) > np.maximum(least, 3 * (high - low))
 
@@ -158,7 +142,7 @@ def _unstable(look: FrameGroup) -> np.ndarray:
     cut = max(1, n // 8)
     spread = _inner_range(noise, cut)
     usual = np.flatnonzero(spread <= np.quantile(spread, 0.995))
-    pool = noise[:, usual[:: max(1, len(usual) // _POOL)]]
+    pool = noise[:, usual[:: max(1, len(usual) // 200_000)]]  # tells the law of what noise does
     rng = np.random.default_rng(0)
     draws = 8  # times that the frames are dealt anew to the pixels
     chance = np.concatenate([_inner_range(rng.permuted(pool, axis=1), cut) for _ in range(draws)])
@@ -173,25 +157,20 @@ def _inner_range(noise: np.ndarray, cut: int) -> np.ndarray:
     return ordered[noise.shape[0] - 1 - cut] - ordered[cut]
 
 
-def _defects(look: FrameGroup, what: str, word: str, where: np.ndarray) -> Finding | None:
-    rows, columns = np.nonzero(where)
-    if not len(rows):
+def _defects(look: FrameGroup, word: str, where: np.ndarray) -> Finding | None:
+    if not where.any():
         return None
     heights = look.raw.pattern_pixels[where].astype(np.float64)
     typical = float(np.median(np.abs(heights)))
-    error = look.noise_dn / math.sqrt(look.count) / math.sqrt(len(rows))
-    listed = ", ".join(f"({r}, {c})" for r, c in list(zip(rows, columns))[:4]) + (
-        " ..." if len(rows) > 4 else ""
-    )
-    plural = "s" if len(rows) > 1 else ""
-    kind = "fixed" if look.count > 1 else None
+    error = look.noise_dn / math.sqrt(look.count) / math.sqrt(len(heights))
+    pixels = counted(len(heights), f"{word} pixel")
+    places = some([f"({row}, {column})" for row, column in np.argwhere(where)[:5]], 4)
     side = "above" if word == "hot" else "below"
     return Finding(
-        what,
-        kind,
-        f"{len(rows)} {word} pixel{plural} at (row, column) {listed}: {number(typical)} DN {side} the neighbours"
-        f"{' in every frame' if kind else ''}.",
-        f"{len(rows)} {word} pixel{plural}",
+        f"{word}_pixels",
+        look.fixed,
+        f"{pixels} at (row, column) {places}: {number(typical)} DN {side} the neighbours{' in every frame' if look.fixed else ''}.",
+        pixels,
         look.count * float(np.log1p((heights / max(look.noise_dn, 0.3)) ** 2).sum()),
         **_pixels(where, word, heights, typical, error),
         shown={"image": look.raw.mean, "where": where},
@@ -204,9 +183,7 @@ def _pixels(
     """What findings of single pixels have in common: size, share and places."""
     places = list(zip(*np.nonzero(where), heights))[:20_000]  # defects listed at most
     return {
-        "amplitude_dn": typical,
-        "low": max(typical - 2 * error, 0.0),
-        "high": typical + 2 * error,
+        **_about(typical, error),
         "share": len(heights) / where.size,
         "details": {"pixels": len(heights)},
         "places": tuple((int(r), int(c), word, float(h)) for r, c, h in places),
@@ -214,21 +191,18 @@ def _pixels(
 
 
 def _jumps(look: FrameGroup, where: np.ndarray) -> Finding | None:
-    rows = np.nonzero(where)[0]
-    if not len(rows):
+    if not where.any():
         return None
     noise = look.raw.noise_pixels[:, where]
-    cut = max(1, look.count // 8)
-    size = _inner_range(noise, cut)
-    typical = float(np.median(size))
-    error = 1.25 * float(np.std(size)) / math.sqrt(len(rows)) + look.noise_dn / math.sqrt(len(rows))
-    plural = "s" if len(rows) > 1 else ""
+    size = _inner_range(noise, max(1, look.count // 8))
+    typical, count = float(np.median(size)), len(size)
+    error = 1.25 * float(np.std(size)) / math.sqrt(count) + look.noise_dn / math.sqrt(count)
+    pixels, jump = counted(count, "unstable pixel"), "they jump" if count > 1 else "it jumps"
     return Finding(
         "unstable_pixels",
         "per_frame",
-        f"{len(rows)} unstable pixel{plural}: {'they jump' if plural else 'it jumps'} between levels about {number(typical)} DN "
-        "apart from frame to frame.",
-        f"{len(rows)} unstable pixel{plural}",
+        f"{pixels}: {jump} between levels about {number(typical)} DN apart from frame to frame.",
+        pixels,
         float(np.log1p((noise / max(look.noise_dn, 0.3)) ** 2).sum()),
         **_pixels(where, "unstable", size, typical, error),
         shown={"frames": look.frames, "where": where},
@@ -246,10 +220,11 @@ def _pattern(look: FrameGroup) -> Finding | None:
     if look.count < 2:
         return None
     size = pixel_pattern(look)
-    level = float(look.data.level)
-    strong = size["low"] ** 2 > _STRONG * look.noise_variance
+    strong = 0.5  # of the variance of the temporal noise: more has the fixed pattern of no ordinary sensor in the dark
     strong_lit = 0.03  # of the level: photo response non-uniformity is below one or two per cent
-    if not strong or (look.is_lit and size["low"] < strong_lit * level):
+    if size["low"] ** 2 <= strong * look.noise_variance:
+        return None
+    if look.is_lit and size["low"] < strong_lit * float(look.data.level):
         return None
     value = size["amplitude_dn"]
     return Finding(

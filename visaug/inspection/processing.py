@@ -9,47 +9,33 @@ import numpy as np
 from scipy import fft, stats
 
 from visaug.core.constants import MAD
+from visaug.core.wording import counted
 from visaug.frames import FrameSet
 from visaug.inspection.finding import ALPHA, Finding, needed_z
 from visaug.inspection.material import FrameGroup
 from visaug.pictures.blocks import SIDE
 from visaug.pictures.files import largest_group, quality_of
 
-_FAR = 6  # px, at which noise of neighbours is not shared by optics, pixels or filters
 _STEPS = np.arange(2, 61)  # of JPEG's rounding, that pixels in whole DN can show
-# that rows and columns do not reach
-_OF_NO_LINE = (np.arange(1, SIDE**2) >= SIDE) & (np.arange(1, SIDE**2) % SIDE > 0)
-_COEFFICIENTS = 4  # of 49, that are so
-_TOLD = 0.5  # DN of noise, below which rounding hides its law
-_MANY = 0.05  # of the pixels: more are no defects
-_EQUAL = 1.6  # times as many equal neighbours as normal noise has
+Lag = tuple[int, int]
 
 
 def processing_findings(look: FrameGroup) -> list[Finding]:
     """Sharing between neighbours and its likely causes; needs frames of a still scene."""
-    noise = _noise(look)
-    if noise is None:
+    if look.count == 1 and not look.is_uniform:
         return []
-    found = [_demosaicing(look, noise), _correlated(look, noise), _corrected(look)]
+    # What neighbours may share: the temporal noise, of one frame its pixels.
+    noise = look.data.noise_pixels if look.count > 1 else look.data.pattern_pixels[None]
+    found = _demosaicing(look, noise), _correlated(look, noise), _corrected(look)
     return [f for f in found if f is not None]
 
 
-def _noise(look: FrameGroup) -> np.ndarray | None:
-    """(n, H, W) what neighbours may share: the temporal noise, of one uniform frame its pixels."""
-    if look.count > 1:
-        return look.data.noise_pixels
-    return look.data.pattern_pixels[None] if look.is_uniform else None
-
-
-def _mean_product(images: np.ndarray, lag: tuple[int, int]) -> float:
+def _mean_product(images: np.ndarray, lag: Lag) -> float:
     """Mean product of images (n, H, W) and themselves shifted by `lag` rows and columns, DN^2."""
     rows, columns = lag
     height, width = images.shape[-2:]
     here, there = images[..., : height - rows, : width - columns], images[..., rows:, columns:]
     return float(np.einsum("nij,nij->", here, there, dtype=np.float64)) / here.size
-
-
-Lag = tuple[int, int]
 
 
 def shares_of_neighbours(noise: np.ndarray, frames: int) -> tuple[dict[Lag, float], dict[Lag, float]]:
@@ -59,19 +45,18 @@ def shares_of_neighbours(noise: np.ndarray, frames: int) -> tuple[dict[Lag, floa
     pixels) gives too.
     """
     variance = float(np.mean(noise**2, dtype=np.float64))
-    far = {(0, 1): (0, _FAR), (1, 0): (_FAR, 0), (1, 1): (_FAR, _FAR)}
-    shared = {
-        lag: (_mean_product(noise, lag) - _mean_product(noise, away)) / variance for lag, away in far.items()
-    }
+    apart = 6  # px, at which noise is not shared by optics, pixels or filters
     height, width = noise.shape[-2:]
     free = len(noise) * (1 - 1 / height) * (1 - 1 / width) * (1 - 1 / frames if frames > 1 else 1)
-    errors = {
-        lag: math.sqrt(
-            sum(1 / ((height - rows) * (width - columns)) for rows, columns in (lag, far[lag])) / free
-        )
-        for lag in ((0, 1), (1, 0))
-    }
-    return shared, {lag: shared[lag] / error for lag, error in errors.items()}
+    shared: dict[Lag, float] = {}
+    z: dict[Lag, float] = {}
+    for lag in ((0, 1), (1, 0), (1, 1)):
+        far = apart * lag[0], apart * lag[1]
+        shared[lag] = (_mean_product(noise, lag) - _mean_product(noise, far)) / variance
+        if lag != (1, 1):
+            pairs = sum(1 / ((height - rows) * (width - columns)) for rows, columns in (lag, far))
+            z[lag] = shared[lag] / math.sqrt(pairs / free)
+    return shared, z
 
 
 def _correlated(look: FrameGroup, noise: np.ndarray) -> Finding | None:
@@ -85,28 +70,22 @@ def _correlated(look: FrameGroup, noise: np.ndarray) -> Finding | None:
     if abs(z[lag]) < needed_z(2):
         return None
     error = top / z[lag]
-    equal = _equal_share(look)
-    denoised = equal > _EQUAL and top > 0.1
-    value = look.noise_dn * math.sqrt(abs(top))
-    text = (
-        f"Neighbours share noise: correlation {across:+.3f} along the row, {down:+.3f} along the column, {diagonal:+.3f} "
-        "along the diagonal; "
-    )
-    why = (
-        f"equal neighbours come {equal:.1f} times as often as in noise: a median or similar filter was applied"
-        if denoised
-        else "negative values come from sharpening"
-        if top < 0
-        else "crosstalk, interpolation, a smoothing filter or a slow amplifier do that"
-    )
+    equal, more_equal = _equal_share(look), 1.6  # times as many equal neighbours as normal noise has
+    denoised = equal > more_equal and top > 0.1
+    why = "crosstalk, interpolation, a smoothing filter or a slow amplifier do that"
+    if denoised:
+        why = f"equal neighbours come {equal:.1f} times as often as in noise: a median or similar filter was applied"
+    elif top < 0:
+        why = "negative values come from sharpening"
     low, high = (look.noise_dn * math.sqrt(max(abs(top) + k * 1.96 * error, 0.0)) for k in (-1, 1))
     return Finding(
         "denoising" if denoised else "correlated_noise",
-        "per_frame" if look.count > 1 else None,
-        text + why + ".",
+        look.new,
+        f"Neighbours share noise: correlation {across:+.3f} along the row, {down:+.3f} along the column, {diagonal:+.3f} "
+        f"along the diagonal; {why}.",
         f"noise shared by neighbours ({top:+.2f}{', denoised' if denoised else ''})",
         (top / error) ** 2,
-        amplitude_dn=value,
+        amplitude_dn=look.noise_dn * math.sqrt(abs(top)),
         low=low,
         high=high,
         share=abs(top),
@@ -138,13 +117,12 @@ def _demosaicing(look: FrameGroup, noise: np.ndarray) -> Finding | None:
     error = math.sqrt((kurtosis - 1) / independent)
     spread = float(np.ptp(variances)) / total
     shared = (_mean_product(noise, (0, 1)) + _mean_product(noise, (1, 0))) / 2 / total
-    if spread < max(needed_z(6) * 1.5 * error, 0.1) or shared < max(
-        needed_z() / math.sqrt(independent), 0.05
-    ):
+    least_shared = max(needed_z() / math.sqrt(independent), 0.05)
+    if spread < max(needed_z(6) * 1.5 * error, 0.1) or shared < least_shared:
         return None
     return Finding(
         "demosaicing",
-        "per_frame" if look.count > 1 else None,
+        look.new,
         f"Noise differs between the four places of a 2 x 2 cell by {spread:.0%} and is shared by neighbours ({shared:+.2f}): the "
         "frames were interpolated from a colour mosaic.",
         "demosaiced frames",
@@ -165,6 +143,7 @@ def _corrected(look: FrameGroup) -> Finding | None:
     left, right = frames[:, 1:-1, :-2], frames[:, 1:-1, 2:]
     up, down = frames[:, :-2, 1:-1], frames[:, 2:, 1:-1]
     moves = np.ptp(inner, axis=0) > 0
+    many = 0.05  # of the pixels: more are no defects
     for name, guess in (
         ("of its neighbours in the row", (left + right) / 2),
         ("of its neighbours in the column", (up + down) / 2),
@@ -176,21 +155,19 @@ def _corrected(look: FrameGroup) -> Finding | None:
         # Without a correction as many pixels lie one or two DN beside the mean in every frame.
         beside = max(int(((np.abs(inner - guess - d) <= 0.5).all(0) & moves).sum()) for d in (-2, -1, 1, 2))
         chance = max(beside + 3 * math.sqrt(beside), hits.size * near.mean() ** look.count) + 0.2
-        if not 0 < count < _MANY * hits.size or stats.poisson.sf(count - 1, chance) > ALPHA:
+        if not 0 < count < many * hits.size or stats.poisson.sf(count - 1, chance) > ALPHA:
             continue
-        where = np.zeros(look.shape, bool)
-        where[1:-1, 1:-1] = hits
-        plural = "s are" if count > 1 else " is"
-        rows, columns = np.nonzero(where)
+        where = np.pad(hits, 1)
+        verb = "are" if count > 1 else "is"
         return Finding(
             "defect_correction",
             "fixed",
-            f"{count} pixel{plural} the mean {name} in every frame: defects were corrected before.",
-            f"{count} corrected pixel{plural[:1].strip()}",
+            f"{counted(count, 'pixel')} {verb} the mean {name} in every frame: defects were corrected before.",
+            counted(count, "corrected pixel"),
             2 * (count * math.log(count / chance) - count + chance),
             share=count / where.size,
             details={"pixels": count},
-            places=tuple((int(r), int(c), "corrected", 0.0) for r, c in zip(rows, columns)),
+            places=tuple((int(r), int(c), "corrected", 0.0) for r, c in np.argwhere(where)),
             shown={"image": look.raw.mean, "where": where},
         )
     return None
@@ -198,9 +175,11 @@ def _corrected(look: FrameGroup) -> Finding | None:
 
 def compression(looks: list[FrameGroup], frames: FrameSet) -> Finding | None:
     """JPEG, by the files themselves or by the rounding of block coefficients that it left in the pixels."""
-    of_file = _by_file(frames)
-    if of_file is not None:
-        quality, step = of_file
+    path = frames.path(0)
+    if path is not None and path.suffix.lower() in (".jpg", ".jpeg"):
+        images = frames.with_records([replace(r, kind="image") for r in frames.records])
+        pictures = largest_group(images, lambda _: None)
+        quality, step = quality_of(pictures.steps)[0], float(np.min(pictures.steps))
         return Finding(
             "compression",
             None,
@@ -230,15 +209,6 @@ def compression(looks: list[FrameGroup], frames: FrameSet) -> Finding | None:
     )
 
 
-def _by_file(frames: FrameSet) -> tuple[float, float] | None:
-    path = frames.path(0)
-    if path is None or path.suffix.lower() not in (".jpg", ".jpeg"):
-        return None
-    images = frames.with_records([replace(r, kind="image") for r in frames.records])
-    pictures = largest_group(images, lambda _: None)
-    return quality_of(pictures.steps)[0], float(np.min(pictures.steps))
-
-
 def _by_pixels(look: FrameGroup) -> tuple[tuple[int, int], float, int, float] | None:
     """Place of the grid, median step, number of rounded coefficients, evidence.
 
@@ -252,13 +222,16 @@ def _by_pixels(look: FrameGroup) -> tuple[tuple[int, int], float, int, float] | 
     others = [_characteristic(look, *places[k])[0] for k in order[SIDE :: SIDE * 2]]
     usual = np.nan_to_num(np.median(others, axis=0), nan=1.0)
     rounded = 0.25  # of the characteristic function at 1/step, above which coefficients are multiples of it
+    least = 4  # coefficients that are so, of 49 that rows and columns do not reach
+    number = np.arange(1, SIDE**2)
+    of_no_line = (number >= SIDE) & (number % SIDE > 0)
     for place in dict.fromkeys([(0, 0), places[order[0]]]):
         function, count = _characteristic(look, *place)
         excess = np.nan_to_num(function - usual).max(1)
         # A mean cosine of n blocks scatters by 1 / sqrt(2 n) at most, the median of the others by 0.6 of it.
         chance = needed_z(2 * function.size) * 1.2 / np.sqrt(2.0 * np.maximum(count, 1))
-        which = np.flatnonzero((excess > np.maximum(rounded, chance)) & _OF_NO_LINE)
-        if len(which) >= _COEFFICIENTS:
+        which = np.flatnonzero((excess > np.maximum(rounded, chance)) & of_no_line)
+        if len(which) >= least:
             steps = _STEPS[(function - usual)[which].argmax(1)]
             return place, float(np.median(steps)), len(which), 2e3 * len(which)
     return None
@@ -288,7 +261,7 @@ def noise_law(look: FrameGroup) -> tuple[str, float] | None:
     """Whether the temporal noise is normal or has heavy tails, and its excess kurtosis in one frame; None of one frame."""
     if look.count < 2:
         return None
-    if look.noise_dn < _TOLD:
+    if look.noise_dn < 0.5:  # DN, below which rounding hides its law
         return "law not told: below the step of the codes", 0.0
     noise = look.raw.noise_pixels
     n = look.count

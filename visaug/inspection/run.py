@@ -12,17 +12,14 @@ import numpy as np
 
 from visaug.core.errors import InputError
 from visaug.frames import FrameRecord, FrameSet
-from visaug.frames.pixels_alone import load_pixels
 from visaug.inspection.codes import code_findings, codes_of, shift_of
 from visaug.inspection.field import frame_drift, glow
-from visaug.inspection.finding import Finding
-from visaug.inspection.kinds import kinds_of
+from visaug.inspection.finding import Finding, Inspection, Measurement
 from visaug.inspection.line_findings import line_findings
 from visaug.inspection.lines import rows_of
-from visaug.inspection.material import FrameGroup, looks
+from visaug.inspection.material import FrameGroup, kinds_of, load_pixels, looks
 from visaug.inspection.pixels import line_defects, pixel_findings, pixel_pattern
 from visaug.inspection.processing import compression, noise_law, processing_findings
-from visaug.inspection.result import Inspection, Measurement
 
 
 def inspect(frames: FrameSet | str | Path | np.ndarray | Sequence[np.ndarray]) -> Inspection:
@@ -50,9 +47,8 @@ def inspect(frames: FrameSet | str | Path | np.ndarray | Sequence[np.ndarray]) -
     kinds, told_by = kinds_of(frames, shift)
     groups, notes = looks(frames, kinds, guessed="level" in told_by, shift=shift)
     if not groups:
-        raise InputError(
-            "no frame is large enough", file=frames.loaded_from, expected="frames of 16 x 16 pixels or more"
-        )
+        expected = "frames of 16 x 16 pixels or more"
+        raise InputError("no frame is large enough", file=frames.loaded_from, expected=expected)
     chosen = _chosen(groups)
     container = 16 if frames.told_bits and frames.told_bits > 8 else frames.bit_depth or 16
     codes = codes_of(chosen, container, shift)
@@ -97,15 +93,10 @@ def _as_set(frames: FrameSet | str | Path | np.ndarray | Sequence[np.ndarray]) -
         return load_pixels(frames)
     if isinstance(frames, FrameSet):
         return frames
-    stack = (
-        frames if isinstance(frames, np.ndarray) else list(frames) if isinstance(frames, list | tuple) else []
-    )
+    stack = frames if isinstance(frames, np.ndarray | list | tuple) else []
     if not len(stack) or any(np.ndim(frame) != 2 for frame in stack):
-        raise InputError(
-            "is no set of frames",
-            field="frames",
-            expected="a FrameSet, the path of one, or an array (n, H, W)",
-        )
+        expected = "a FrameSet, the path of one, or an array (n, H, W)"
+        raise InputError("is no set of frames", field="frames", expected=expected)
     records = [FrameRecord(k, f"frame {k}", "image") for k in range(len(stack))]
     return FrameSet.from_arrays(records, stack)
 
@@ -131,14 +122,15 @@ def _findings_of(look: FrameGroup) -> tuple[FrameGroup, list[Finding]]:
             defect, bad = line_defects(turned, axis)
             if defect:
                 found.append(defect)
-                look = turned.without_lines(bad) if axis == "row" else turned.without_lines(bad).transposed()
+                turned = turned.without_lines(bad)
+                look = turned if axis == "row" else turned.transposed()
     rows, columns = rows_of(look, "row"), rows_of(look.transposed(), "column")
     found += [*line_findings(rows), *line_findings(columns), *pixel_findings(look)]
     found += [f for f in (glow(look, rows, columns), frame_drift(look, rows, columns)) if f]
     return look, _explained(found)
 
 
-_COLOURED = ("correlated_noise", "denoising", "demosaicing")
+_COLOURED = ("correlated_noise", "denoising", "demosaicing")  # findings of noise that neighbours share
 
 
 def _explained(found: list[Finding]) -> list[Finding]:
@@ -150,17 +142,15 @@ def _explained(found: list[Finding]) -> list[Finding]:
 
         def is_part(f: Finding) -> bool:
             small = (f.amplitude_dn or 0.0) < size and f.kind == "per_frame"
-            faint = f.evidence < _FAINT * best.evidence and f.what.endswith(("_banding", "_offset"))
-            return f is not best and small and (faint or f.what in _OF_FLICKER)
+            # A pattern that changes and has a tenth of the evidence may be waves of the 1/f noise.
+            faint = f.evidence < 0.1 * best.evidence and f.what.endswith(("_banding", "_offset"))
+            of_flicker = faint or f.what in ("flicker_noise", "frame_drift", "correlated_noise")
+            return f is not best and small and of_flicker
 
         found = [f for f in found if not is_part(f)]
     if any(f.what == "demosaicing" for f in found):
-        found = [f for f in found if f.what not in ("correlated_noise", "denoising", "defect_correction")]
+        found = [f for f in found if f.what not in (*_COLOURED[:2], "defect_correction")]
     return found
-
-
-_OF_FLICKER = ("flicker_noise", "frame_drift", "correlated_noise")
-_FAINT = 0.1  # of the evidence for 1/f noise, below which a pattern that changes may be its waves
 
 
 def _merged(parts: list[tuple[FrameGroup, list[Finding]]]) -> list[Finding]:
@@ -188,23 +178,12 @@ def _is_same(one: Finding, other: Finding) -> bool:
     return alike and abs(math.log(one.period / other.period)) < same_period
 
 
-_NATURED = (
-    "row_offset",
-    "column_offset",
-    "row_banding",
-    "column_banding",
-    "halves",
-    "step",
-    "parity",
-    "pixel_pattern",
-)
-
-
 def _with_nature(
     finding: Finding, same: list[tuple[FrameGroup, Finding]], parts: list[tuple[FrameGroup, list[Finding]]]
 ) -> Finding:
     """The same as an offset or a gain, by its size in the darkest and the brightest group."""
-    if finding.what not in _NATURED:
+    of_lines = finding.what.endswith(("_offset", "_banding"))
+    if not of_lines and finding.what not in ("halves", "step", "parity", "pixel_pattern"):
         return finding
     uniform = sorted((look for look, _ in parts if look.is_uniform), key=lambda look: look.data.level)
     size = {id(look): f.amplitude_dn or 0.0 for look, f in same}
@@ -220,13 +199,9 @@ def _said_once(found: list[Finding]) -> list[Finding]:
     packed = next((f for f in found if f.what == "compression"), None)
     if packed is None:
         return found
-    made = ("correlated_noise", "denoising", "demosaicing", "defect_correction")
     least = packed.amplitude_dn or 0.0
-    return [
-        f
-        for f in found
-        if f.what not in made and (f is packed or f.amplitude_dn is None or f.amplitude_dn > least)
-    ]
+    left = (f for f in found if f.what not in (*_COLOURED, "defect_correction"))
+    return [f for f in left if f is packed or f.amplitude_dn is None or f.amplitude_dn > least]
 
 
 def _measurement(look: FrameGroup, coloured: bool) -> Measurement:
@@ -253,16 +228,14 @@ def _ambiguous(groups: list[FrameGroup], packed: Finding | None) -> list[str]:
             )
         elif look.count == 1 and look.kind != "image":
             said.append(f"of one {look.kind} frame fixed patterns and noise cannot be told apart")
+    kinds = {look.kind for look in groups}
     if packed:
-        step = packed.details["step_dn"]
-        said.append(
-            f"JPEG hides patterns that are fainter than its steps, here {step:.0f} DN and more in a block of 8 x 8 pixels"
-        )
-    if any(look.kind == "image" for look in groups):
-        said.append(
-            "pictures of changing scenes hide patterns of the camera; only their codes and compression were looked at"
-        )
-    if any(look.kind == "scene" for look in groups):
+        hidden = f"here {packed.details['step_dn']:.0f} DN and more in a block of 8 x 8 pixels"
+        said.append(f"JPEG hides patterns that are fainter than its steps, {hidden}")
+    if "image" in kinds:
+        looked_at = "only their codes and compression were looked at"
+        said.append(f"pictures of changing scenes hide patterns of the camera; {looked_at}")
+    if "scene" in kinds:
         said.append(
             "frames of one scene do not tell fixed patterns from the scene; only what changes was looked at"
         )

@@ -68,9 +68,8 @@ def continuum(power: np.ndarray, shape: float, floors: np.ndarray, first: int = 
     flat = np.maximum(middle, np.maximum(floors, 1e-12))
     risen = _fit(j[use], power[use], shape, floors, floors[use]).at(j)
     # A rise hides from a start without one, and a line from a start with one.
-    return max(
-        (_settled(start, j, power, shape, floors, use) for start in (flat, risen)), key=lambda fit: fit[0]
-    )[1]
+    fits = [_settled(start, j, power, shape, floors, use) for start in (flat, risen)]
+    return max(fits, key=lambda fit: fit[0])[1]
 
 
 def _settled(
@@ -93,22 +92,18 @@ def _settled(
 
 def _fit(j: np.ndarray, power: np.ndarray, shape: float, floors: np.ndarray, floor: np.ndarray) -> Continuum:
     ones = np.ones(len(j))
-    fits = {"floor": _fitted(power, np.zeros((len(j), 0)), floor, shape)}
-    fits["white"] = _fitted(power, ones[:, None], floor, shape)
+    none = _fitted(power, np.zeros((len(j), 0)), floor, shape)[0]
+    white, level = _fitted(power, ones[:, None], floor, shape)
     # of the rise: 1 for flicker noise, 2 for a random walk or the tail of a bump
     exponents = (0.7, 1.0, 1.4, 2.0, 3.0)
     risen = [(_fitted(power, np.stack([ones, j**-a], 1), floor, shape), a) for a in exponents]
     (best, coefficients), exponent = max(risen, key=lambda fit: fit[0][0])
     alone = _fitted(power, (j**-exponent)[:, None], floor, shape)[0]
-    gain_rise = 2 * (best - fits["white"][0])
+    gain_rise = 2 * (best - white)
     if gain_rise < needed(len(exponents), 2):  # a white spectrum is enough
-        white = float(fits["white"][1][0])
-        gain = 2 * (fits["white"][0] - fits["floor"][0])
-        return Continuum(floors, white, 0.0, 1.0, gain, gain_rise, len(j), shape)
-    gain = 2 * (best - alone)
-    return Continuum(
-        floors, float(coefficients[0]), float(coefficients[1]), exponent, gain, gain_rise, len(j), shape
-    )
+        return Continuum(floors, float(level[0]), 0.0, 1.0, 2 * (white - none), gain_rise, len(j), shape)
+    level, rise = map(float, coefficients)
+    return Continuum(floors, level, rise, exponent, 2 * (best - alone), gain_rise, len(j), shape)
 
 
 def _fitted(
@@ -137,8 +132,9 @@ def tapered(lines: np.ndarray) -> np.ndarray:
     return (lines - lines.mean(-1, keepdims=True)) * (window / math.sqrt(np.mean(window**2)))
 
 
-# frequencies looked at for each that a frame resolves: an oscillation between two bins loses little
-FINER = 2
+FINER = (
+    2  # frequencies looked at for each that a frame resolves: an oscillation between two bins loses little
+)
 
 
 def fine_spectrum(lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -5,8 +5,7 @@ from typing import Any
 
 from visaug.report.characterized import write_characterization
 from visaug.report.inspected import write_inspection
-from visaug.report.pages import write_comparison, write_diagnosis
-from visaug.report.pictures import write_picture_comparison
+from visaug.report.pages import write_comparison, write_diagnosis, write_picture_comparison
 from visaug.report.sheet import sheet_json, write_sheet
 
 

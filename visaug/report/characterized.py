@@ -4,18 +4,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from visaug.core.wording import with_interval
-from visaug.report.headline import characterization_headline
-from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
+from visaug.report.headline import characterization_headline, entry_text
+from visaug.report.html import Block, Page, Section, Table, Text, figure, footer, write_page
 from visaug.report.next_step import Inputs, after_characterization
 from visaug.report.pages import described, next_text, unit_text
-from visaug.report.provenance import footer
 
 if TYPE_CHECKING:
     from visaug.characterization import Characterization
     from visaug.frames import FrameSet
 
-INTERVALS = "Every interval is 95 %."
+FACTS = (
+    ("gain_e_per_dn", "gain"),
+    ("read_noise.sigma_e", "read noise"),
+    ("quantum_efficiency", "quantum efficiency"),
+    ("emva.saturation_e", "saturation"),
+)
 
 
 def write_characterization(
@@ -33,24 +36,19 @@ def write_characterization(
         figure(drawn, CAPTIONS.get(name, name.replace("_", " ")), wide=drawn.get_figwidth() > 8)
         for name, drawn in result.plots().items()
     ]
-    found: list[Text | Table | Figure] = []
+    found: list[Block] = []
+    if headline := characterization_headline(content, camera_file.name if camera_file else None):
+        found.append(Text(headline, "finding"))
     if not pictured or "gain_e_per_dn" in content["parameters"]:  # else there is no camera to write
         step = after_characterization(inputs, pictured, result.has_gain, result.base is not None)
         found.append(next_text(step))
-    headline = characterization_headline(content, camera_file.name if camera_file else None)
-    if headline:
-        found.insert(0, Text(headline, "finding"))
     first, *further = _parameter_tables(content["parameters"])
-    blocks: list[Text | Table | Figure] = [first]
-    if content["not_determined"]:
-        open_rows = [[entry["parameter"], entry["needs"]] for entry in content["not_determined"]]
-        blocks.append(
-            Table(["not determined", "needs"], open_rows, caption="Not determined by these frames.")
-        )
+    blocks: list[Block] = [first]
+    if rows := [[entry["parameter"], entry["needs"]] for entry in content["not_determined"]]:
+        blocks.append(Table(["not determined", "needs"], rows, caption="Not determined by these frames."))
     blocks += [Text(warning, "note") for warning in content["warnings"]]
-    assumptions = [[name, e["assumes"]] for name, e in content["parameters"].items() if "assumes" in e]
-    if assumptions:
-        blocks.append(Table(["parameter", "assumes"], assumptions, caption="What the figures assume."))
+    if rows := [[name, e["assumes"]] for name, e in content["parameters"].items() if "assumes" in e]:
+        blocks.append(Table(["parameter", "assumes"], rows, caption="What the figures assume."))
     sections = [
         Section("What was found", [*found, *pictures[:2]]),
         Section("Parameters", blocks),
@@ -59,9 +57,13 @@ def write_characterization(
     ]
     page = Page(
         "Camera characterization",
-        f"What {described(frames)} tell of the camera that took them. {INTERVALS}",
+        f"What {described(frames)} tell of the camera that took them. Every interval is 95 %.",
         [section for section in sections if section.blocks],
-        facts=_headline(content["parameters"]),
+        facts=[
+            (entry_text(content["parameters"][key]), name)
+            for key, name in FACTS
+            if key in content["parameters"]
+        ],
         footer=footer(None, frames),
     )
     return write_page(path, page)
@@ -78,28 +80,16 @@ def _parameter_tables(parameters: dict[str, dict[str, Any]]) -> list[Table]:
     rows: dict[str, list[list[str]]] = {group: [] for group in groups}
     for name, e in parameters.items():
         group = name.split(".")[0] if name.split(".")[0] in groups else ""
-        value = with_interval(e["value"], e.get("low"), e.get("high"))
-        rows[group].append([name, value, unit_text(e["unit"]), e["from"]])
-    return [_without_repeats(rows[group], caption) for group, caption in groups.items() if rows[group]]
-
-
-def _without_repeats(rows: list[list[str]], caption: str) -> Table:
-    """The last column, the source of a parameter, is shown only if it adds to the caption."""
-    head = ["parameter", "value [95 % interval]", "unit", "from"]
-    if all(row[-1].lower() in caption.replace(",", "").lower() for row in rows):
-        head, rows = head[:-1], [row[:-1] for row in rows]
-    return Table(head, rows, caption)
-
-
-def _headline(parameters: dict[str, dict[str, Any]]) -> list[tuple[str, str]]:
-    wanted = {
-        "gain_e_per_dn": "gain",
-        "read_noise.sigma_e": "read noise",
-        "quantum_efficiency": "quantum efficiency",
-        "emva.saturation_e": "saturation",
-    }
-    found = [(parameters[key], name) for key, name in wanted.items() if key in parameters]
-    return [(with_interval(e["value"], e.get("low"), e.get("high"), e["unit"]), name) for e, name in found]
+        rows[group].append([name, entry_text(e, ""), unit_text(e["unit"]), e["from"]])
+    tables = []
+    for group, caption in groups.items():
+        head, shown = ["parameter", "value [95 % interval]", "unit", "from"], rows[group]
+        if all(
+            row[-1].lower() in caption.replace(",", "").lower() for row in shown
+        ):  # the source is said already
+            head, shown = head[:-1], [row[:-1] for row in shown]
+        tables += [Table(head, shown, caption)] if shown else []
+    return tables
 
 
 CAPTIONS = {

@@ -1,4 +1,4 @@
-"""The answer of a result in one sentence, what it means, and the next command: the same on pages, terminal and lab."""
+"""The answer of a result in one sentence, what it means, and verdicts on effects: the same on pages, terminal and lab."""
 
 from collections.abc import Mapping
 from math import isclose
@@ -32,22 +32,23 @@ def characterization_headline(content: Content, written: str | None) -> str | No
 def _measured(effect: Content, parameters: Content) -> str:
     """An effect by name and numbers, with the interval of those that were measured as a parameter of temporal noise."""
     said = []
+    temporal = [e for key, e in parameters.items() if key.startswith("temporal.")]
     for key, value in effect.items():
         if key == "name":
             continue
         if isinstance(value, str):
             said.append(f"{key} {value}")
             continue
-        same = (
-            e
-            for k, e in parameters.items()
-            if k.startswith("temporal.") and isclose(e["value"], value, rel_tol=1e-3)
-        )
-        e = next(same, None)
-        number = with_interval(e["value"], e.get("low"), e.get("high"), e["unit"]) if e else f"{value:.3g}"
+        e = next((e for e in temporal if isclose(e["value"], value, rel_tol=1e-3)), None)
+        number = entry_text(e) if e else f"{value:.3g}"
         said.append(number if key == "sigma_e" and e else f"{key} {number}")
-    name = effect["name"].replace("_", " ")
-    return f"{name}, {', '.join(said)}" if said else name
+    return ", ".join([effect["name"].replace("_", " "), *said])
+
+
+def entry_text(entry: Content, unit: str | None = None) -> str:
+    """A value of a result's JSON with its interval; `unit` takes the place of its own."""
+    unit = entry.get("unit", "") if unit is None else unit
+    return with_interval(entry["value"], entry.get("low"), entry.get("high"), unit)
 
 
 def view_title(name: str) -> str:
@@ -73,31 +74,23 @@ def comparison_headline(content: Content) -> str:
     """Whether the camera file explains the frames and, if not, where they differ most."""
     fits = content["fits"]
     p = p_text(fits["p_value_before"])
-    if "pictures" in content and "target" in content["pictures"]:
-        return _pictures_headline(content, p)
+    of_pictures = "target" in content.get("pictures", ())
     if fits["adequate_before"]:
+        if of_pictures:
+            return f"The two sets agree: no difference of their cameras beyond chance ({p})."
         return f"The model holds: nothing differs beyond chance ({p})."
-    said = f"The model does not hold: the frames differ from it ({p})."
+    said = f"The {'cameras of the two sets differ' if of_pictures else 'model does not hold: the frames differ from it'} ({p})."
     if not content["where"]:
         return said
     worst = content["where"][0]
-    view, side = view_title(worst["view"]), "above" if worst["z"] > 0 else "below"
-    return (
-        f"{said} The largest difference: {view[0].lower()}{view[1:]} ({statistic_text(worst['worst'])}), "
-        f"{deviation_text(abs(worst['z']))} standard deviations {side} the model."
-    )
-
-
-def _pictures_headline(content: Content, p: str) -> str:
-    if content["fits"]["adequate_before"]:
-        return f"The two sets agree: no difference of their cameras beyond chance ({p})."
-    said = f"The cameras of the two sets differ ({p})."
-    if not content["where"]:
-        return said
-    worst = content["where"][0]
-    side = "more" if worst["z"] > 0 else "less"
+    is_more = worst["z"] > 0
     size = f"{deviation_text(abs(worst['z']))} standard deviations"
-    return f"{said} The largest difference: {worst['worst']}; the target has {side} ({size})."
+    if of_pictures:
+        side = "more" if is_more else "less"
+        return f"{said} The largest difference: {worst['worst']}; the target has {side} ({size})."
+    view, side = view_title(worst["view"]), "above" if is_more else "below"
+    what = f"{view[0].lower()}{view[1:]} ({statistic_text(worst['worst'])})"
+    return f"{said} The largest difference: {what}, {size} {side} the model."
 
 
 def diagnosis_headline(content: Content) -> str:
@@ -121,16 +114,14 @@ def diagnosis_details(content: Content) -> list[str]:
     lines = [f"Mistake in the camera file: {m['text']}" for m in content.get("camera_file", ())]
     if error["before"] is not None and content["accepted"]:
         low, high = error["interval_after"] or (None, None)
+        after = with_interval(error["after"], low, high)
         lines.append(
-            f"Error on hold-out frames: {error['before']:.2g} with the camera file, {with_interval(error['after'], low, high)} "
+            f"Error on hold-out frames: {error['before']:.2g} with the camera file, {after} "
             "with the added effects. 0 is as good as a second camera of the same type."
         )
     if content["accepted"]:
-        lines.append(
-            f"After adding, no significant difference is left ({p_text(fits['p_value_after'])})."
-            if fits["adequate_after"]
-            else f"After adding, a significant difference is left ({p_text(fits['p_value_after'])})."
-        )
+        what = "no significant difference" if fits["adequate_after"] else "a significant difference"
+        lines.append(f"After adding, {what} is left ({p_text(fits['p_value_after'])}).")
     if (outside := content.get("outside") or 0.0) > 0.5:
         lines.append(
             f"What is left makes a cause outside the catalogue likelier (probability {probability_text(outside)}): "
@@ -165,11 +156,9 @@ def effect_texts(names: list[str]) -> list[str]:
     """What each effect is physically: summary, law and source."""
     from visaug.effects import catalogue
 
-    known = catalogue()
-    texts = []
+    known, texts = catalogue(), []
     for name in names:
-        if name in known:
-            effect = known[name]
+        if effect := known.get(name):
             law = f" Law: {effect.equation}." if effect.equation else ""
             source = f" Source: {effect.source}." if effect.source else ""
             texts.append(f"{name}: {effect.summary}{law}{source} More: visaug effects {name}")
@@ -189,10 +178,43 @@ PROBABILITY = (
 
 
 def _named(name: str, entry: Content) -> str:
-    numbers = [
-        f"{key} = {with_interval(e['value'], e.get('low'), e.get('high'), e.get('unit', ''))}"
-        for key, e in (entry.get("parameters") or {}).items()
-    ]
+    numbers = [f"{key} = {entry_text(e)}" for key, e in (entry.get("parameters") or {}).items()]
     if entry.get("probability") is not None:
         numbers.append(f"probability {probability_text(entry['probability'])} {AMONG}")
     return f"{name} ({'; '.join(numbers)})" if numbers else name
+
+
+def amount(value: float | None, unit: str | None) -> str:
+    return "" if value is None else f"{value:.3g} {'' if unit in (None, '1') else unit}".strip()
+
+
+def verdict_row(entry: Content) -> list[str]:
+    """Effect, verdict, strength or limit, and frames that would tell, of one entry of `effects`."""
+    unit, key = entry["unit"], (entry["parameter"] or "").rsplit(".", 1)[-1]
+    if entry["verdict"] == "named":
+        strength = f"{key} = {amount(entry['value'], unit)}"
+        if entry["low"] is not None:
+            strength += f" [{entry['low']:.3g}, {entry['high']:.3g}]"
+    elif entry["limit"] is None:
+        strength = ""
+    else:
+        falls = entry["parameter"] in ("read_noise.shape", "full_well_e")  # an effect makes these smaller
+        sign = (">" if falls else "<") if entry["verdict"] == "absent" else "shown from"
+        strength = f"{key} {sign} {amount(entry['limit'], unit)}"
+    word = entry["verdict"]
+    if entry["from"]:
+        word += f" from {', '.join(entry['from'])}"
+    return [entry["effect"], word, strength, "; ".join(entry["frames"] or [])]
+
+
+def planned_text(entry: Content) -> str:
+    """What a plan of frames would show of an effect."""
+    key = (entry["parameter"] or "").rsplit(".", 1)[-1]
+    if entry["verdict"] == "not testable":
+        return f"{entry['effect']}: not testable by any frames of the plan at the strengths that a diagnosis tries"
+    text = f"{entry['effect']}: shown from {key} = {amount(entry['limit'], entry['unit'])}"
+    if entry["frames"]:
+        text += f", at the least by {entry['frames'][0]}"
+    if entry["from"]:
+        text += f"; not separable from {', '.join(entry['from'])} by these frames"
+    return text

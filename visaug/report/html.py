@@ -1,9 +1,14 @@
-"""One self-contained HTML page: sections of short text, tables and figures, pictures inline."""
+"""One self-contained HTML page: sections of short text, tables and figures, pictures inline; and from what it was made."""
 
 import base64
+import hashlib
 import io
+import shlex
+import sys
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from datetime import datetime, timezone
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -15,6 +20,9 @@ from visaug.core.wording import printable
 if TYPE_CHECKING:
     import jinja2
     from matplotlib.figure import Figure as MatplotlibFigure
+
+    from visaug.camera import Camera
+    from visaug.frames import FrameSet
 
 
 @dataclass(frozen=True)
@@ -61,12 +69,15 @@ class Figure:
         return path
 
 
+Block = Text | Table | Figure
+
+
 @dataclass(frozen=True)
 class Section:
     """A heading and its content."""
 
     title: str
-    blocks: Sequence[Text | Table | Figure] = field(default_factory=list)
+    blocks: Sequence[Block] = field(default_factory=list)
 
     @property
     def anchor(self) -> str:
@@ -99,26 +110,20 @@ def figure(
     drawn: "MatplotlibFigure", caption: str, alt: str = "", *, wide: bool = True, raster: bool = False
 ) -> Figure:
     """A drawn figure for a page: SVG for curves, PNG (`raster`) where it holds images or many points."""
-    buffer = io.BytesIO()
-    if raster:
-        drawn.savefig(buffer, format="png", dpi=140, bbox_inches="tight", pad_inches=0.06)
-        mime = "image/png"
-    else:
-        # No date and fixed ids, so that the same data give the same bytes.
-        with extra():
-            import matplotlib as mpl
+    with extra():
+        import matplotlib as mpl
 
-        with mpl.rc_context({"svg.hashsalt": "visaug", "svg.fonttype": "path"}):
-            drawn.savefig(
-                buffer,
-                format="svg",
-                metadata={"Date": None, "Creator": None},
-                bbox_inches="tight",
-                pad_inches=0.06,
-            )
-        mime = "image/svg+xml"
+    buffer = io.BytesIO()
+    # No date and fixed ids, so that the same data give the same bytes.
+    form: dict = {"format": "svg", "metadata": {"Date": None, "Creator": None}}
+    if raster:
+        form = {"format": "png", "dpi": 140}
+    with mpl.rc_context({"svg.hashsalt": "visaug", "svg.fonttype": "path"}):
+        drawn.savefig(buffer, **form, bbox_inches="tight", pad_inches=0.06)
     content = base64.b64encode(buffer.getvalue()).decode("ascii")
-    return Figure(f"data:{mime};base64,{content}", caption, alt or caption, wide)
+    return Figure(
+        f"data:image/{'png' if raster else 'svg+xml'};base64,{content}", caption, alt or caption, wide
+    )
 
 
 @cache
@@ -140,3 +145,36 @@ def templates(package: str) -> "jinja2.Environment":
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
+
+
+STARTED = time.monotonic()
+
+
+def footer(camera: "Camera | None", frames: "FrameSet | None", seed: int | None = None) -> str:
+    """Date, version, command, seed, inputs with hashes, and the time since the program started.
+
+    Args:
+        camera: the camera file that was used.
+        frames: the frames that were used; the hash covers their table, not their pixels.
+        seed: of the simulations.
+    """
+    from visaug import __version__
+
+    parts = [datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC"), f"visaug {__version__}"]
+    program = Path(sys.argv[0])
+    if program.name == "visaug" or program.parts[-2:] == ("visaug", "__main__.py"):
+        parts.append("visaug " + shlex.join(sys.argv[1:]))
+    if seed is not None:
+        parts.append(f"seed {seed}")
+    if camera is not None:
+        parts.append(f"camera {camera.name!r}, {_digest(camera.to_yaml())}")
+    if frames is not None:
+        table = "\n".join(str(record) for record in frames.records)
+        parts.append(f"{len(frames.records)} frames, table {_digest(table)}")
+    seconds = time.monotonic() - STARTED
+    parts.append(f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min")
+    return " · ".join(parts)
+
+
+def _digest(text: str) -> str:
+    return hashlib.blake2b(text.encode("utf-8", "replace"), digest_size=6).hexdigest()

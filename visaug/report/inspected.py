@@ -5,11 +5,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from visaug.core.wording import number, with_interval
-from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
+from visaug.report.html import Block, Page, Section, Table, Text, figure, footer, write_page
 from visaug.report.next_step import NextStep
 from visaug.report.pages import next_text
 from visaug.report.plots.inspected import plot_finding
-from visaug.report.provenance import footer
 
 if TYPE_CHECKING:
     from visaug.inspection import Finding, Inspection
@@ -20,15 +19,13 @@ _KINDS = {"fixed": "fixed", "per_frame": "new in each frame", None: "–"}
 
 def write_inspection(path: str | Path, result: "Inspection") -> Path:
     """What patterns the frames have, what they cannot tell, and the command that follows."""
-    blocks: list[Text | Table | Figure] = [
+    blocks: list[Block] = [
         Text(f"{result.answer[:1].upper()}{result.answer[1:]}.", "finding"),
         Text(" ".join(measured_texts(result))),
     ]
-    if result.findings:
-        rows = [finding_row(f) for f in result.findings]
+    if rows := [finding_row(f) for f in result.findings]:
         blocks.append(Table(FINDING_HEAD, rows, caption="In the order of their evidence."))
-    step = next_step(result)
-    blocks.append(next_text(step))
+    blocks.append(next_text(next_step(result)))
     sections = [Section("Answer", blocks)]
     sections += [_pictured(finding) for finding in result.findings]
     told = [
@@ -51,12 +48,13 @@ def write_inspection(path: str | Path, result: "Inspection") -> Path:
 
 def next_step(result: "Inspection") -> NextStep:
     """The command that follows."""
-    text = (
-        "Next: measure the camera's parameters."
-        if " characterize " in result.next_command
-        else "Next: write the table of the frames, which the measuring commands need."
+    measures = " characterize " in result.next_command
+    aim = (
+        "measure the camera's parameters"
+        if measures
+        else "write the table of the frames, which the measuring commands need"
     )
-    return NextStep(text, result.next_command)
+    return NextStep(f"Next: {aim}.", result.next_command)
 
 
 def finding_row(finding: "Finding") -> Sequence[str]:
@@ -88,17 +86,14 @@ def measured_texts(result: "Inspection") -> list[str]:
 
 
 def _pictured(finding: "Finding") -> Section:
-    drawn = plot_finding(finding)
-    blocks: list[Text | Table | Figure] = []
-    if drawn is not None:
+    blocks: list[Block] = [Text(finding.text)]
+    if drawn := plot_finding(finding):
         raster = any(axes.images for axes in drawn.axes)
-        blocks.append(figure(drawn, finding.text, wide=drawn.get_figwidth() > 6, raster=raster))
-    else:
-        blocks.append(Text(finding.text))
+        blocks = [figure(drawn, finding.text, wide=drawn.get_figwidth() > 6, raster=raster)]
     if finding.places:
         rows = [
-            ["" if r < 0 else str(r), "" if c < 0 else str(c), kind, number(height)]
-            for r, c, kind, height in finding.places[:12]
+            [*("" if n < 0 else str(n) for n in place), kind, number(height)]
+            for *place, kind, height in finding.places[:12]
         ]
         more = f"; {len(finding.places) - 12} more: --defects F.csv" if len(finding.places) > 12 else ""
         blocks.append(Table(["row", "column", "type", "height / DN"], rows, caption=f"Places{more}."))

@@ -64,17 +64,9 @@ class Inputs:
 
     def measuring(self, command: str, camera: str | None, *words: str) -> str:
         """`visaug COMMAND FRAMES --camera CAMERA` with what these frames and effects need."""
-        return _line(
-            command,
-            self.frames,
-            "--camera",
-            camera or self.camera,
-            *self._depth(),
-            *self._own(),
-            *self._transfer(),
-            *(self.options if command == "diagnose" else ()),
-            *words,
-        )
+        base = (command, self.frames, "--camera", camera or self.camera)
+        chosen = self.options if command == "diagnose" else ()
+        return _line(*base, *self._depth(), *self._own(), *self._transfer(), *chosen, *words)
 
     def characterizing(self, on_camera: bool = False) -> str:
         """Args: on_camera: whether the numbers that the frames do not tell come from `camera`."""
@@ -111,10 +103,8 @@ def after_characterization(
         return NextStep("Next: write the camera file.", inputs.characterizing(on_camera))
     if of_pictures:
         return NextStep(f"Next: train with this camera. {PICTURES}", inputs.augmenting(inputs.better))
-    return NextStep(
-        "Next: test whether the measured camera explains these frames.",
-        inputs.measuring("compare", inputs.better),
-    )
+    text = "Next: test whether the measured camera explains these frames."
+    return NextStep(text, inputs.measuring("compare", inputs.better))
 
 
 def picture_inputs(result: "PictureComparison") -> Inputs:
@@ -128,10 +118,8 @@ def after_pictures(content: Mapping[str, Any], inputs: Inputs) -> NextStep:
         if inputs.camera != Inputs.camera:
             return NextStep(f"Next: train with this camera. {PICTURES}", inputs.augmenting(inputs.camera))
         return NextStep("Next: train with these pictures, which show no difference from the target.", "")
-    return NextStep(
-        "Next: measure an effective camera from the target's pictures, to train with its noise.",
-        inputs.characterizing(),
-    )
+    text = "Next: measure an effective camera from the target's pictures, to train with its noise."
+    return NextStep(text, inputs.characterizing())
 
 
 def after_comparison(content: Mapping[str, Any], inputs: Inputs) -> NextStep:
@@ -151,16 +139,12 @@ def after_diagnosis(content: Mapping[str, Any], inputs: Inputs) -> NextStep:
     # a cause that the catalogue lacks is likelier than what is named
     is_outside = (content.get("outside") or 0.0) > 0.5
     if (content["unexplained"] and not content["accepted"]) or is_farther or is_outside:
+        text = "Next: model the difference in a file of your own, and diagnose again with it."
         again = inputs.measuring("diagnose", None, "--effects", "my_effect.py")
-        return NextStep(
-            "Next: model the difference in a file of your own, and diagnose again with it.",
-            f"{_line('effects', 'new', 'my_effect')}\n{again}",
-        )
+        return NextStep(text, f"{_line('effects', 'new', 'my_effect')}\n{again}")
     if inputs.better is None:
-        return NextStep(
-            "Next: write the corrected camera to a file. Simulated sets are kept, so this takes less time.",
-            inputs.measuring("diagnose", None, "-o", "better.yaml"),
-        )
+        text = "Next: write the corrected camera to a file. Simulated sets are kept, so this takes less time."
+        return NextStep(text, inputs.measuring("diagnose", None, "-o", "better.yaml"))
     return NextStep(f"Next: train with the corrected camera. {PICTURES}", inputs.augmenting(inputs.better))
 
 

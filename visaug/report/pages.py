@@ -1,39 +1,39 @@
-"""The pages of `compare` and `diagnose`."""
+"""The pages of `compare`, with a camera or a target, and `diagnose`."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from visaug.core.wording import (
     deviation_text,
+    number,
     p_text,
     probability_text,
     share_text,
     statistic_text,
     with_interval,
 )
-from visaug.report.headline import (
-    AMONG,
-    PROBABILITY,
-    WHERE_HEAD,
-    comparison_headline,
-    diagnosis_details,
-    diagnosis_headline,
-    effect_texts,
-    where_rows,
+from visaug.report import headline
+from visaug.report.html import Block, Page, Section, Table, Text, figure, footer, write_page
+from visaug.report.next_step import (
+    Inputs,
+    NextStep,
+    after_comparison,
+    after_diagnosis,
+    after_pictures,
+    picture_inputs,
 )
-from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
-from visaug.report.next_step import Inputs, NextStep, after_comparison, after_diagnosis
 from visaug.report.plots.error import plot_error_steps, plot_ranking
-from visaug.report.plots.used import plot_used
-from visaug.report.provenance import footer
-from visaug.report.verdict_text import verdict_row
+from visaug.report.plots.view import plot_used
 from visaug.report.views import ViewGallery, all_views
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
     from visaug.camera import Camera
     from visaug.diagnosis import Diagnosis
     from visaug.diagnosis.comparison import Comparison
     from visaug.frames import FrameSet
+    from visaug.pictures.comparison import PictureComparison
 
 ERROR = "Error: 1 is the camera file as given, 0 is as good as a second camera of the same type."
 
@@ -62,16 +62,18 @@ def write_comparison(
     pictures = gallery.pictures(
         [*worst, *others], _captions(content["where"]), _worst_frames(content["where"])
     )
-    blocks: list[Text | Table | Figure] = [Text(comparison_headline(content), "finding")]
+
+    def drawn(names: list[str]) -> list[Block]:
+        return [pictures[name] for name in names if name in pictures]
+
+    blocks: list[Block] = [Text(headline.comparison_headline(content), "finding")]
     blocks.append(next_text(after_comparison(content, inputs or Inputs.of(camera, frames))))
     if content["where"]:
-        blocks += [*(pictures[name] for name in worst[:1] if name in pictures), where_table(content["where"])]
+        blocks += [*drawn(worst[:1]), where_table(content["where"])]
     sections = [
         Section("Where it fails" if content["where"] else "Answer", blocks),
-        Section("These views differ", [pictures[name] for name in worst[1:] if name in pictures]),
-        Section(
-            "The other views" if worst else "Views", [pictures[name] for name in others if name in pictures]
-        ),
+        Section("These views differ", drawn(worst[1:])),
+        Section("The other views" if worst else "Views", drawn(others)),
         used_section(content),
     ]
     page = Page(
@@ -81,7 +83,13 @@ def write_comparison(
         facts=[
             ("yes" if fits["adequate_before"] else "no", "does the camera explain the frames?"),
             (p_text(fits["p_value_before"]), "probability of such a difference by chance"),
-            *_largest(content["where"]),
+            *(
+                (
+                    f"{deviation_text(abs(w['z']))} standard deviations",
+                    f"largest difference: {statistic_text(w['worst'])}",
+                )
+                for w in content["where"][:1]
+            ),
         ],
         footer=footer(camera, frames, seed),
     )
@@ -90,17 +98,46 @@ def write_comparison(
     return {name: picture.save(folder / name) for name, picture in pictures.items()}
 
 
-def _largest(where: list[dict[str, Any]]) -> list[tuple[str, str]]:
-    if not where:
-        return []
-    size = f"{deviation_text(abs(where[0]['z']))} standard deviations"
-    return [(size, f"largest difference: {statistic_text(where[0]['worst'])}")]
+def write_picture_comparison(path: str | Path, result: "PictureComparison") -> Path:
+    """Whether the cameras of two sets of pictures differ, and in what."""
+    content = result.to_json()
+    rows = []
+    for d in content["differences"]:
+        sizes = number(d["measured"]), number(d["modelled"]), d["unit"], deviation_text(d["z"])
+        rows.append([headline.view_title(d["view"]), d["statistic"], *sizes])
+    head = ["view", "statistic", "target", "other set", "unit", "standard deviations"]
+    caption = "Largest differences first. How bright the scenes are and how much sky they show do not enter."
+    blocks: list[Block] = [
+        Text(headline.comparison_headline(content), "finding"),
+        next_text(after_pictures(content, picture_inputs(result))),
+        figure(_noise(result), "Noise of flat regions against their level, both sets. Bars are 95 %."),
+        Table(head, rows, caption=caption),
+        *(Text(warning, "note") for warning in content["warnings"]),
+    ]
+    lead = f"{result.pictures[0]} pictures beside {result.pictures[1]} of the target."
+    page = Page("Pictures and target", lead, [Section("Answer", blocks)], footer=footer(None, result.target))
+    return write_page(path, page)
+
+
+def _noise(result: "PictureComparison") -> "MatplotlibFigure":
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    drawn = MatplotlibFigure(figsize=(6.5, 3.6), layout="constrained")
+    axes = drawn.subplots()
+    for (name, c), marker in zip(result.curves.items(), "os", strict=True):
+        label = "target" if name == "target" else "other set"
+        axes.errorbar(
+            c["level_dn"], c["noise_dn"], 1.96 * c["error_dn"], fmt=marker, ms=4, capsize=2, label=label
+        )
+    axes.set(xlabel="level (1/255 of full scale)", ylabel="noise (1/255 of full scale)")
+    axes.legend(frameon=False)
+    return drawn
 
 
 def used_section(content: dict[str, Any]) -> Section:
     """Which frames and pixels were used, and what of the set spoils which effects."""
     used = content.get("used")
-    blocks: list[Text | Table | Figure] = [Text(warning, "note") for warning in content.get("warnings", ())]
+    blocks: list[Block] = [Text(warning, "note") for warning in content.get("warnings", ())]
     if used:
         blocks.insert(0, Text(f"Used: {used['description']}."))
         if used["windows"] != [used["frame"]]:
@@ -143,11 +180,11 @@ def diagnosis_sections(
 ) -> list[Section]:
     """The sections of a diagnosis, also part of the demo's page."""
     error = content["error"]
-    found: list[Text | Table | Figure] = [Text(diagnosis_headline(content), "finding")]
-    found += [Text(line) for line in effect_texts(content["accepted"])]
-    found += [Text(line) for line in diagnosis_details(content)]
+    found: list[Block] = [Text(headline.diagnosis_headline(content), "finding")]
+    found += [Text(line) for line in headline.effect_texts(content["accepted"])]
+    found += [Text(line) for line in headline.diagnosis_details(content)]
     if content["accepted"]:
-        found.append(Text(PROBABILITY, "note"))
+        found.append(Text(headline.PROBABILITY, "note"))
     found.append(next_text(after_diagnosis(content, inputs or Inputs.of(camera, frames))))
     if any(step["error"] is not None for step in content["steps"]):
         steps = plot_error_steps(content["steps"], error["before"], error["floor"])
@@ -162,10 +199,8 @@ def diagnosis_sections(
         pictures = list(gallery.pictures(views, _captions(content["where"]), worst).values())
         sections.append(Section("Evidence", [*pictures[:1], where_table(content["where"]), *pictures[1:]]))
     if any(entry["error_after"] is not None for entry in content["ranking"]):
-        picture = figure(
-            plot_ranking(content["ranking"]), "How much of the misfit each effect alone explains."
-        )
-        sections.append(Section("Ranking", [picture]))
+        caption = "How much of the misfit each effect alone explains."
+        sections.append(Section("Ranking", [figure(plot_ranking(content["ranking"]), caption)]))
     if content["unexplained"]:
         left = Text(content["unexplained"]["description"], "finding")
         model = Text("visaug effects new NAME writes a file in which you can model it.", "note")
@@ -173,7 +208,7 @@ def diagnosis_sections(
     if content.get("effects"):
         strength, frames_for = "strength [95 % interval] or limit", "frames that would show or separate it"
         head = ["effect", "verdict", strength, frames_for]
-        rows = [verdict_row(entry) for entry in content["effects"]]
+        rows = [headline.verdict_row(entry) for entry in content["effects"]]
         table = Table(head, rows, caption="Of each effect, what these frames show. Limits are those of 95 %.")
         sections.append(Section("What these frames show, and what they cannot", [table]))
     looked_at = used_section(content)
@@ -192,10 +227,9 @@ def _diagnosis_facts(content: dict[str, Any]) -> list[tuple[str, str]]:
     for name in content["accepted"][:2]:
         entry = known.get(name, {})
         for key, e in list((entry.get("parameters") or {}).items())[:1]:
-            value = with_interval(e["value"], e.get("low"), e.get("high"), e.get("unit", ""))
-            facts.append((value, f"{name}: {key}, 95 % interval"))
+            facts.append((headline.entry_text(e), f"{name}: {key}, 95 % interval"))
         if entry.get("probability") is not None:
-            facts.append((probability_text(entry["probability"]), f"probability of {name} {AMONG}"))
+            facts.append((probability_text(entry["probability"]), f"probability of {name} {headline.AMONG}"))
     if error["before"] is not None:
         change = f"{error['before']:.2g} → {with_interval(error['after'], low, high)}"
         facts.append((change, "error before and after"))
@@ -213,13 +247,13 @@ def _worst_frames(where: list[dict[str, Any]]) -> dict[str, str]:
 
 def where_table(where: list[dict[str, Any]]) -> Table:
     caption = "Where the model as given and the frames differ, the largest share first."
-    return Table(WHERE_HEAD, where_rows(where), caption)
+    return Table(headline.WHERE_HEAD, headline.where_rows(where), caption)
 
 
 def _accepted_table(content: dict[str, Any]) -> Table:
     parameters = {entry["effect"]: entry.get("parameters") or {} for entry in content["ranking"]}
     rows = [
-        [effect, key, with_interval(e["value"], e.get("low"), e.get("high")), unit_text(e.get("unit", ""))]
+        [effect, key, headline.entry_text(e, ""), unit_text(e.get("unit", ""))]
         for effect in content["accepted"]
         for key, e in parameters.get(effect, {}).items()
     ]

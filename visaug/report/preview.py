@@ -50,11 +50,8 @@ def write_preview(
     if output.suffix.lower() != ".png":
         raise InputError("is no PNG", file=output, expected="a name ending in .png")
     if output.exists() and not force and not is_sheet(output):
-        raise InputError(
-            "exists, and is no sheet of visaug",
-            file=output,
-            expected="another name, or --force to replace it",
-        )
+        expected = "another name, or --force to replace it"
+        raise InputError("exists, and is no sheet of visaug", file=output, expected=expected)
     if not picture.is_file():
         problem = "is a folder" if picture.is_dir() else "no such file"
         raise InputError(problem, file=picture, expected="one picture")

@@ -23,66 +23,52 @@ Row = tuple[str, str, str, float]  # name on the sheet, symbol, key, factor for 
 def _split(release: str, what: str, symbols: bool = True) -> tuple[Row, ...]:
     """The parts of a nonuniformity."""
     unit, factor = ("_e", 1) if what == "DSNU" else ("", 100)
-    return tuple(
-        (
-            f"{what} of {part}s",
-            f"{what}.{symbol}" if symbols else "",
-            f"{release}.{what.lower()}_{part}{unit}",
-            factor,
-        )
-        for part, symbol in (("row", "row"), ("column", "col"), ("pixel", "pixel"))
-    )
+    rows = []
+    for part, symbol in (("row", "row"), ("column", "col"), ("pixel", "pixel")):
+        key = f"{release}.{what.lower()}_{part}{unit}"
+        rows.append((f"{what} of {part}s", f"{what}.{symbol}" if symbols else "", key, factor))
+    return tuple(rows)
 
 
-# A heading and its rows.
-QUANTITIES: tuple[tuple[str, tuple[Row, ...]], ...] = (
-    (
-        "Sensitivity and noise",
-        (
-            ("Quantum efficiency", "η", "emva.quantum_efficiency", 100),
-            ("System gain", "K", "emva.system_gain_dn_per_e", 1),
-            ("Inverse system gain", "1/K", "emva4.inverse_gain_e_per_dn", 1),
-            ("Responsivity", "R", "emva4.responsivity_dn_per_photon", 1),
-            ("Temporal dark noise", "σ_d", "emva.dark_noise_e", 1),
-            ("Temporal dark noise", "σ_y.dark", "emva.dark_noise_dn", 1),
-            ("Abs. sensitivity threshold", "μ_p.min", "emva4.absolute_sensitivity_threshold_photons", 1),
-            ("Abs. sensitivity threshold", "μ_e.min", "emva4.absolute_sensitivity_threshold_e", 1),
-            ("Saturation capacity", "μ_p.sat", "emva.saturation_photons", 1),
-            ("Saturation capacity", "μ_e.sat", "emva.saturation_e", 1),
-            ("Signal-to-noise ratio", "SNR max", "emva4.snr_max", 1),
-            ("", "", "emva4.snr_max_db", 1),
-            ("", "", "emva4.snr_max_bit", 1),
-            ("Inverse", "1/SNR max", "emva4.inverse_snr_max", 100),
-            ("Dynamic range", "DR", "emva4.dynamic_range", 1),
-            ("", "", "emva4.dynamic_range_db", 1),
-            ("", "", "emva4.dynamic_range_bit", 1),
-        ),
+QUANTITIES: dict[str, tuple[Row, ...]] = {  # by heading
+    "Sensitivity and noise": (
+        ("Quantum efficiency", "η", "emva.quantum_efficiency", 100),
+        ("System gain", "K", "emva.system_gain_dn_per_e", 1),
+        ("Inverse system gain", "1/K", "emva4.inverse_gain_e_per_dn", 1),
+        ("Responsivity", "R", "emva4.responsivity_dn_per_photon", 1),
+        ("Temporal dark noise", "σ_d", "emva.dark_noise_e", 1),
+        ("Temporal dark noise", "σ_y.dark", "emva.dark_noise_dn", 1),
+        ("Abs. sensitivity threshold", "μ_p.min", "emva4.absolute_sensitivity_threshold_photons", 1),
+        ("Abs. sensitivity threshold", "μ_e.min", "emva4.absolute_sensitivity_threshold_e", 1),
+        ("Saturation capacity", "μ_p.sat", "emva.saturation_photons", 1),
+        ("Saturation capacity", "μ_e.sat", "emva.saturation_e", 1),
+        ("Signal-to-noise ratio", "SNR max", "emva4.snr_max", 1),
+        ("", "", "emva4.snr_max_db", 1),
+        ("", "", "emva4.snr_max_bit", 1),
+        ("Inverse", "1/SNR max", "emva4.inverse_snr_max", 100),
+        ("Dynamic range", "DR", "emva4.dynamic_range", 1),
+        ("", "", "emva4.dynamic_range_db", 1),
+        ("", "", "emva4.dynamic_range_bit", 1),
     ),
-    (
-        "Linearity and dark current",
-        (
-            ("Linearity error, least", "LE min", "emva.linearity_error_min", 100),
-            ("Linearity error, largest", "LE max", "emva.linearity_error_max", 100),
-            ("Dark current, mean", "μ_I.mean", "emva.dark_current_mean_e_per_s", 1),
-            ("Dark current, variance", "μ_I.var", "emva.dark_current_variance_e_per_s", 1),
-            ("Doubling temperature", "T_d", "emva4.doubling_temperature_c", 1),
-        ),
+    "Linearity and dark current": (
+        ("Linearity error, least", "LE min", "emva.linearity_error_min", 100),
+        ("Linearity error, largest", "LE max", "emva.linearity_error_max", 100),
+        ("Dark current, mean", "μ_I.mean", "emva.dark_current_mean_e_per_s", 1),
+        ("Dark current, variance", "μ_I.var", "emva.dark_current_variance_e_per_s", 1),
+        ("Doubling temperature", "T_d", "emva4.doubling_temperature_c", 1),
     ),
-    (
-        "Spatial non-uniformity",
-        (
-            ("DSNU, total", "DSNU 1288", "emva.dsnu_e", 1),
-            ("DSNU, total", "", "emva.dsnu_dn", 1),
-            *_split("emva4", "DSNU"),
-            ("PRNU, total", "PRNU 1288", "emva.prnu_fraction", 100),
-            *_split("emva4", "PRNU"),
-            ("PRNU, high-pass filtered", "", "emva4.prnu_highpass", 100),
-        ),
+    "Spatial non-uniformity": (
+        ("DSNU, total", "DSNU 1288", "emva.dsnu_e", 1),
+        ("DSNU, total", "", "emva.dsnu_dn", 1),
+        *_split("emva4", "DSNU"),
+        ("PRNU, total", "PRNU 1288", "emva.prnu_fraction", 100),
+        *_split("emva4", "PRNU"),
+        ("PRNU, high-pass filtered", "", "emva4.prnu_highpass", 100),
     ),
-)
+}
 CORRECTED = (
-    "Split with the temporal noise that rows and columns have",
-    (*_split("emva4_corrected", "DSNU", symbols=False), *_split("emva4_corrected", "PRNU", symbols=False)),
+    *_split("emva4_corrected", "DSNU", symbols=False),
+    *_split("emva4_corrected", "PRNU", symbols=False),
 )
 
 
@@ -100,18 +86,16 @@ def write_sheet(path: str | Path, points: Sequence[OperatingPoint], frames: Fram
 
 def sheet_json(points: Sequence[OperatingPoint]) -> dict[str, Any]:
     """The sheet's content for programs: figures with intervals and the arrays of every plot."""
-    return {
-        "schema": 1,
-        "standard": "EMVA 1288 release 4.0 Linear",
-        "operating_points": [p.to_json() for p in points],
-    }
+    content = [point.to_json() for point in points]
+    return {"schema": 1, "standard": "EMVA 1288 release 4.0 Linear", "operating_points": content}
 
 
 def _point(point: OperatingPoint) -> dict[str, Any]:
     result = point.result
-    tables = [_table(heading, rows, result) for heading, rows in QUANTITIES]
-    if any(key in result.parameters for _, _, key, _ in CORRECTED[1]):
-        tables.append(_table(*CORRECTED, result))
+    tables = [_table(heading, rows, result) for heading, rows in QUANTITIES.items()]
+    if any(key in result.parameters for _, _, key, _ in CORRECTED):
+        heading = "Split with the temporal noise that rows and columns have"
+        tables.append(_table(heading, CORRECTED, result))
     return {
         "name": point.name,
         "tables": tables,
@@ -157,9 +141,9 @@ def _defects(result: Characterization, what: str) -> dict[str, Any] | None:
 
 
 def _figures(result: Characterization) -> list[Figure]:
-    return [
-        figure(draw(result), title, f"{title}. {shown}", wide=False)
-        for title, shown, curve, needs, draw in FIGURES
-        if curve in result.curves and len(next(iter(result.curves[curve].values())))
-        if all(name in result.parameters for name in needs)
-    ]
+    found = []
+    for title, shown, curve, needs, draw in FIGURES:
+        there = curve in result.curves and len(next(iter(result.curves[curve].values())))
+        if there and all(name in result.parameters for name in needs):
+            found.append(figure(draw(result), title, f"{title}. {shown or draw.__doc__}", wide=False))
+    return found

@@ -53,9 +53,9 @@ class ViewGallery:
             measured, *modelled = (view.picture(frames, worst) for frames in data)
             if measured is not None and _tells(measured):
                 same = (measured.x_label, measured.y_label, len(measured.maps))
+                # Other axes where flats of one set alone are saturated.
                 return measured, [
-                    p if p is not None and (p.x_label, p.y_label, len(p.maps)) == same else None
-                    for p in modelled  # other axes where flats of one set alone are saturated
+                    p if p and (p.x_label, p.y_label, len(p.maps)) == same else None for p in modelled
                 ]
         return None
 
@@ -78,10 +78,8 @@ class ViewGallery:
         focus: dict[str, str] | None = None,
     ) -> dict[str, Figure]:
         """Pictures of several views by name, those that these frames show; `focus` names the statistic that each shows."""
-        found = {
-            name: self.figure(name, (captions or {}).get(name, ""), (focus or {}).get(name, ""))
-            for name in names
-        }
+        said, seen = captions or {}, focus or {}
+        found = {name: self.figure(name, said.get(name, ""), seen.get(name, "")) for name in names}
         return {name: picture for name, picture in found.items() if picture is not None}
 
 

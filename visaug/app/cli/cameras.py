@@ -4,27 +4,19 @@ from pathlib import Path
 
 import click
 
-from visaug.app.cli.options import (
-    command,
-    effects_option,
-    force_option,
-    load_camera,
-    output_option,
-    written,
-)
-from visaug.app.cli.tables import print_table
+from visaug.app.cli import options as cli
 from visaug.core.errors import InputError
 
 
-@command(
+@cli.command(
     "cameras",
     example="visaug cameras\nvisaug cameras sony_imx174 > my_camera.yaml\nvisaug cameras add my_camera.yaml\n"
     "visaug cameras export my_camera",
 )
 @click.argument("words", metavar="[NAME | add FILE | export NAME]", nargs=-1)
-@output_option("DIR", "Folder that `export` writes.  [default: NAME-camera]")
-@effects_option()
-@force_option
+@cli.output_option("DIR", "Folder that `export` writes.  [default: NAME-camera]")
+@cli.effects_option()
+@cli.force_option
 def cameras(words: tuple[str, ...], output: Path | None, force: bool, seed: int) -> None:
     """List the cameras, or print, add or export one.
 
@@ -43,17 +35,16 @@ def cameras(words: tuple[str, ...], output: Path | None, force: bool, seed: int)
             _list()
         case ("add", file):
             path = add_camera(file, force)
-            written(path)
+            cli.written(path)
             click.echo(f"use it as --camera {path.stem}")
         case ("export", name):
-            written(export_camera(name, output))
+            cli.written(export_camera(name, output))
         case (name,) if name not in ("add", "export"):
-            load_camera(name)
+            cli.load_camera(name)
             click.echo(camera_file(name).read_text(encoding="utf-8"), nl=False)
         case _:
-            raise InputError(
-                " ".join(words), field="visaug cameras", expected="nothing, a NAME, add FILE, or export NAME"
-            )
+            expected = "nothing, a NAME, add FILE, or export NAME"
+            raise InputError(" ".join(words), field="visaug cameras", expected=expected)
 
 
 def _list() -> None:
@@ -76,7 +67,7 @@ def _list() -> None:
             colour = "colour" if spec.colour else "mono"
             rows.append([name, spec.name, values, colour, size, str(spec.bit_depth), gain, noise, place])
     head = ["name", "camera", "values", "colour", "rows x columns", "bit", "e-/DN", "read noise e-", "from"]
-    print_table(head, rows)
+    cli.print_table(head, rows)
     for mistake in broken:
         click.echo(f"warning: {mistake}", err=True)
 

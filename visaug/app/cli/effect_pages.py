@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from visaug.app.cli.tables import print_table
+from visaug.app.cli.options import print_table
 from visaug.core.errors import InputError
 from visaug.core.files import write_text
 from visaug.core.nearest import did_you_mean
@@ -60,22 +60,13 @@ def print_catalogue(search: str) -> None:
     Raises:
         InputError: no effect has them.
     """
-    shown = catalogue().values()
-    if search:
-        shown = [effect for effect in shown if is_meant(effect, search)]
+    shown = [effect for effect in catalogue().values() if is_meant(effect, search)]
     if not shown:
-        raise InputError(
-            f"no effect is described by {search!r}",
-            field="--search",
-            expected="a word such as banding, or none",
-        )
+        problem = f"no effect is described by {search!r}"
+        raise InputError(problem, field="--search", expected="a word such as banding, or none")
     for stage, where in ACTS.items():
-        rows = [
-            [effect.name, effect.summary, ", ".join(effect.aliases)]
-            for effect in shown
-            if effect.stage == stage
-        ]
-        if rows:
+        here = [effect for effect in shown if effect.stage == stage]
+        if rows := [[effect.name, effect.summary, ", ".join(effect.aliases)] for effect in here]:
             click.echo(f"\n{stage.name.lower()}: {where}")
             print_table(["effect", "description", "also called"], rows)
 
@@ -83,9 +74,8 @@ def print_catalogue(search: str) -> None:
 def is_meant(effect: type[Effect], search: str) -> bool:
     """Whether an effect's name, other names, or description hold every word, or words that begin so; case does not matter."""
     text = " ".join([effect.name, *effect.aliases, effect.summary, effect.__doc__ or ""]).replace("_", " ")
-    return all(
-        re.search(rf"\b{re.escape(word)}", text, re.IGNORECASE) for word in search.replace("_", " ").split()
-    )
+    words = search.replace("_", " ").split()
+    return all(re.search(rf"\b{re.escape(word)}", text, re.IGNORECASE) for word in words)
 
 
 def print_effect(name: str) -> None:
@@ -107,9 +97,8 @@ def print_effect(name: str) -> None:
 def write_new(name: str, output: Path | None) -> Path:
     """A file with an effect of this name, ready to edit; an existing file is never overwritten."""
     if not name.isidentifier() or keyword.iskeyword(name) or name != name.lower():
-        raise InputError(
-            repr(name), field="NAME", expected="lower-case letters, digits and _, such as my_effect"
-        )
+        expected = "lower-case letters, digits and _, such as my_effect"
+        raise InputError(repr(name), field="NAME", expected=expected)
     if name in catalogue():
         raise InputError(f"{name!r} is an effect of the catalogue", field="NAME", expected="another name")
     output = output or Path(f"{name}.py")
@@ -131,11 +120,8 @@ def check_file(file: Path) -> None:
         rows = [[law.__name__.replace("_", " "), broken.get(law.__name__, "kept")] for law in LAWS]
         print_table([effect.name, "result"], rows)
     if faults:
-        raise InputError(
-            f"breaks {counted(faults, 'law')}, see the table",
-            file=file,
-            expected="effects that keep them all",
-        )
+        problem = f"breaks {counted(faults, 'law')}, see the table"
+        raise InputError(problem, file=file, expected="effects that keep them all")
 
 
 def find(name: str) -> type[Effect]:
@@ -149,8 +135,5 @@ def find(name: str) -> type[Effect]:
 def _range(parameter: Parameter) -> str:
     if parameter.options:
         return " | ".join(parameter.options)
-    return (
-        f"{parameter.low:g} to {parameter.high:g}"
-        if parameter.high != float("inf")
-        else f">= {parameter.low:g}"
-    )
+    low, high = parameter.low, parameter.high
+    return f">= {low:g}" if high == float("inf") else f"{low:g} to {high:g}"

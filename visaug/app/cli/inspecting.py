@@ -4,33 +4,22 @@ from pathlib import Path
 
 import click
 
-from visaug.app.cli.options import (
-    bit_depth_option,
-    check_result,
-    command,
-    frames_argument,
-    is_silent,
-    path_option,
-    result_options,
-    write_result,
-    written,
-)
+from visaug.app.cli import options as cli
 from visaug.app.cli.summaries import print_next
-from visaug.app.cli.tables import print_table
 from visaug.core.progress import progress_bars
 from visaug.report.inspected import FINDING_HEAD, finding_row, measured_texts, next_step
 
 
-@command("inspect", example="visaug inspect dark/ --report inspection.html --defects defects.csv")
-@frames_argument
-@bit_depth_option
-@path_option(
+@cli.command("inspect", example="visaug inspect dark/ --report inspection.html --defects defects.csv")
+@cli.frames_argument
+@cli.bit_depth_option
+@cli.path_option(
     "--defects defects_path",
     "F.csv",
     "Write the places of hot, dead and unstable pixels and of defective lines.",
-    callback=check_result,
+    callback=cli.check_result,
 )
-@result_options
+@cli.result_options
 def inspect(
     frames_path: Path,
     bit_depth: int | None,
@@ -49,10 +38,10 @@ def inspect(
     Kinds are taken from a table or headers, else from names (dark_000.png, bias, flat), else from level and structure.
     """
     import visaug
-    from visaug.frames.pixels_alone import load_pixels
+    from visaug.inspection.material import load_pixels
 
     frames = load_pixels(frames_path, bit_depth)
-    silent = is_silent(quiet, json_path)
+    silent = cli.is_silent(quiet, json_path)
     with progress_bars(quiet=silent) as progress:
         progress("inspecting", 0, 1)
         result = visaug.inspect(frames)
@@ -62,7 +51,7 @@ def inspect(
         for line in measured_texts(result):
             click.echo(line)
         if result.findings:
-            print_table(FINDING_HEAD, map(finding_row, result.findings))
+            cli.print_table(FINDING_HEAD, map(finding_row, result.findings))
             for finding in result.findings:
                 click.echo(f"- {finding.text}")
         for title, lines in (
@@ -72,13 +61,13 @@ def inspect(
         ):
             for line in lines:
                 click.echo(f"{title}: {line}")
-    write_result(json_path, result.to_json())
+    cli.write_result(json_path, result.to_json())
     if report_path:
         result.report(report_path)
     if defects_path:
         result.save_defects(defects_path)
     if not silent:
-        written(json_path, report_path, defects_path)
+        cli.written(json_path, report_path, defects_path)
         print_next(next_step(result))
 
 

@@ -6,24 +6,11 @@ from typing import Any
 
 import click
 
-from visaug.app.cli.options import (
-    command,
-    effects_option,
-    force_option,
-    is_silent,
-    json_option,
-    may_write,
-    output_option,
-    path_option,
-    write_result,
-    written,
-)
-from visaug.app.cli.tables import print_table
+from visaug.app.cli import options as cli
 from visaug.core.errors import InputError
 from visaug.core.extras import extra
 from visaug.core.progress import progress_bars
 
-ARGUMENTS = "CONFIG, or all of --predictions, --data and --domain"
 config_argument = click.argument("config_path", metavar="CONFIG", type=click.Path(path_type=Path))
 
 arm_option = click.option("--arm", metavar="NAME", help="Arm of CONFIG; the last one by default.")
@@ -36,11 +23,9 @@ keypoints_option = click.option(
 )
 
 
-@command("demo", example="visaug demo -o demo/")
-@output_option("DIR", "Folder for data, runs and report.html.", default=Path("demo"), show_default=True)
-@click.option(
-    "--full", is_flag=True, help="The longer study: three arms trained from nothing, four test sets."
-)
+@cli.command("demo", example="visaug demo -o demo/")
+@cli.output_option("DIR", "Folder for data, runs and report.html.", default=Path("demo"), show_default=True)
+@cli.flag("--full", "The longer study: three arms trained from nothing, four test sets.")
 def demo(output: Path, full: bool, seed: int) -> None:
     """Diagnose a camera, train with its noise, evaluate and report, on rendered data. If interrupted, the same command resumes."""
     with extra(), progress_bars() as progress:
@@ -52,21 +37,18 @@ def demo(output: Path, full: bool, seed: int) -> None:
     click.echo(f"report: {report.resolve()}")
 
 
-@command(
+@cli.command(
     "prepare",
     example="visaug prepare speedplusv2.zip -o datasets/speedplus\n"
-    "visaug prepare speed.zip -o datasets/speed --coco --size 640x400\n"
-    "visaug prepare datasets/speed",
+    "visaug prepare speed.zip -o datasets/speed --coco --size 640x400\nvisaug prepare datasets/speed",
 )
 @click.argument("archive", metavar="ARCHIVE", type=click.Path(path_type=Path))
-@output_option(
+@cli.output_option(
     "DIR",
     "Folder of the dataset, required for an archive. A folder is used where it lies: there, DIR only names what --coco and "
     "--size write.",
 )
-@click.option(
-    "--size", metavar="WxH", help="Also write copies of this size with ultralytics labels, beside DIR."
-)
+@cli.option("--size", "WxH", "Also write copies of this size with ultralytics labels, beside DIR.")
 @click.option("--coco", is_flag=True, help="Also write COCO keypoint annotations of every set, to DIR-coco.")
 @keypoints_option
 def prepare(
@@ -83,18 +65,18 @@ def prepare(
     click.echo(said)
 
 
-@command("train", example="visaug train configs/demo.yaml --arm vis")
+@cli.command("train", example="visaug train configs/demo.yaml --arm vis")
 @config_argument
 @arm_option
-@effects_option()
+@cli.effects_option()
 def train(config_path: Path, arm: str | None, seed: int) -> None:
     """Train one network as configured in CONFIG."""
     run("train", config_path, seed, arm=arm)
 
 
-@command("ablate", example="visaug ablate configs/speedplus.yaml")
+@cli.command("ablate", example="visaug ablate configs/speedplus.yaml")
 @config_argument
-@effects_option()
+@cli.effects_option()
 def ablate(config_path: Path, seed: int) -> None:
     """Train the arms of CONFIG and compare them.
 
@@ -110,7 +92,7 @@ def run(what: str, config_path: Path, seed: int, **more: Any) -> None:
         click.echo(getattr(commands, what)(config_path, seed=seed, progress=progress, **more))
 
 
-@command(
+@cli.command(
     "evaluate",
     example="visaug evaluate configs/demo.yaml --arm vis\n"
     "visaug evaluate --predictions P.json --data speedplus/ --domain lightbox --json scores.json\n"
@@ -118,41 +100,41 @@ def run(what: str, config_path: Path, seed: int, **more: Any) -> None:
     "visaug evaluate configs/demo.yaml --arm vis --severity sony_imx174 -o severity/",
 )
 @click.argument("config_path", metavar="[CONFIG]", required=False, type=click.Path(path_type=Path))
-@path_option(
+@cli.path_option(
     "--predictions",
     "P",
     "Predictions of any network: keypoints in the COCO results format (JSON), or poses (CSV).",
 )
-@path_option("--data", "DIR", "Folder of a pose data set.")
+@cli.path_option("--data", "DIR", "Folder of a pose data set.")
 @click.option("--domain", metavar="NAME", help="Test set of that folder.")
-@click.option(
-    "--split", metavar="NAME", help="train, validation or test; by default the test split where there is one."
-)
+@cli.option("--split", "NAME", "train, validation or test; by default the test split where there is one.")
 @keypoints_option
 @arm_option
-@effects_option()
-@path_option("--images", "F.json", "COCO annotations file, needed if P gives image_id instead of file names.")
-@path_option(
+@cli.effects_option()
+@cli.path_option(
+    "--images", "F.json", "COCO annotations file, needed if P gives image_id instead of file names."
+)
+@cli.path_option(
     "--poses poses_csv",
     "F.csv",
     "Write the poses computed from the keypoints: file, q1..q4, r1..r3. All there is for images without labels.",
 )
-@click.option(
-    "--severity",
-    "severity_camera",
-    metavar="CAMERA",
-    help="Scores of CONFIG's network as this camera's gain, exposure, temperature and single effects grow worse.",
+@cli.option(
+    "--severity severity_camera",
+    "CAMERA",
+    "Scores of CONFIG's network as this camera's gain, exposure, temperature and single effects grow worse.",
 )
-@click.option(
-    "--curve",
-    "curves",
-    metavar="NAME",
+@cli.option(
+    "--curve curves",
+    "NAME",
+    "One curve of --severity: gain_db, exposure, temperature_c or an effect. May be repeated; all by default.",
     multiple=True,
-    help="One curve of --severity: gain_db, exposure, temperature_c or an effect. May be repeated; all by default.",
 )
-@output_option("DIR", "Folder of the curves of --severity; the same command resumes.  [default: severity]")
-@json_option
-@force_option
+@cli.output_option(
+    "DIR", "Folder of the curves of --severity; the same command resumes.  [default: severity]"
+)
+@cli.json_option
+@cli.force_option
 def evaluate(
     config_path: Path | None,
     predictions: Path | None,
@@ -181,7 +163,8 @@ def evaluate(
     """
     together = (data is None) == (domain is None) and (predictions is None or data is not None)
     if (config_path is None) == (predictions is None) or not together:
-        raise InputError("wrong arguments", field="evaluate", expected=ARGUMENTS)
+        expected = "CONFIG, or all of --predictions, --data and --domain"
+        raise InputError("wrong arguments", field="evaluate", expected=expected)
     if config_path is not None and (images or keypoints != "tango"):
         raise InputError("go with --predictions", field="--images and --keypoints", expected="no CONFIG")
     if config_path is not None and data is None and (poses_csv or split):
@@ -190,42 +173,38 @@ def evaluate(
         raise InputError("goes with CONFIG", field="--arm", expected="no --predictions")
     if (curves or output) and severity_camera is None:
         raise InputError("go with --severity", field="--curve and --output", expected="--severity CAMERA")
-    may_write(poses_csv, force)
+    cli.may_write(poses_csv, force)
     elsewhere = None if data is None or domain is None else (data, domain, split)
     if severity_camera is not None:
         if config_path is None or poses_csv or json_path:
-            raise InputError(
-                "needs the network itself",
-                field="--severity",
-                expected="CONFIG, without --poses and --json; for another network visaug_train.severity.severity",
+            expected = (
+                "CONFIG, without --poses and --json; for another network visaug_train.severity.severity"
             )
-        folder = output or Path("severity")
+            raise InputError("needs the network itself", field="--severity", expected=expected)
         with extra(), progress_bars() as progress:
             from visaug_train import commands
 
-            said = commands.severity_curves(
-                config_path, severity_camera, folder, [*curves], seed, progress, arm, elsewhere
-            )
+            folder, how = output or Path("severity"), ([*curves], seed, progress, arm, elsewhere)
+            said = commands.severity_curves(config_path, severity_camera, folder, *how)
         click.echo(said)
         return
+    scores: dict[str, Any]
     with extra(), progress_bars() as progress:
         from visaug_train import commands
 
-        scores: dict[str, Any]
         if config_path is not None:
             scores = commands.evaluate(config_path, seed, progress, arm, elsewhere, poses_csv)
         else:
             assert predictions is not None and data is not None and domain is not None  # noqa: PT018 - see above
-            scores = commands.evaluate_predictions(
-                predictions, data, domain, keypoints, split, images, poses_csv, seed
-            )
+            how = keypoints, split, images, poses_csv, seed
+            scores = commands.evaluate_predictions(predictions, data, domain, *how)
     for name, each in scores.items():
         for note in each.get("notes", ()):
             click.echo(f"note: {name}: {note}.", err=True)
-    if not is_silent(False, json_path):
+    if not cli.is_silent(False, json_path):
         print_scores(scores)
-    write_result(json_path, scores)
-    written(json_path, poses_csv)
+    cli.write_result(json_path, scores)
+    cli.written(json_path, poses_csv)
 
 
 def print_scores(scores: dict[str, dict[str, Any]]) -> None:
@@ -252,7 +231,7 @@ def print_scores(scores: dict[str, dict[str, Any]]) -> None:
         values = [of(s) for of in columns.values()]
         rows.append([domain, str(s["images"]), *("" if v is None else f"{v:.4f}" for v in values)])
     if rows:
-        print_table(["domain", "images", *columns], rows)
+        cli.print_table(["domain", "images", *columns], rows)
 
 
 COMMANDS: list[click.Command] = [demo, prepare, train, ablate, evaluate]

@@ -8,25 +8,8 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
+from visaug.app.cli import options as cli
 from visaug.app.cli import summaries
-from visaug.app.cli.options import (
-    bit_depth_option,
-    camera_option,
-    command,
-    effects_option,
-    force_option,
-    frames_argument,
-    is_silent,
-    load_camera,
-    load_frames,
-    may_replace,
-    may_write,
-    output_option,
-    path_option,
-    result_options,
-    write_result,
-    written,
-)
 from visaug.core.errors import InputError, NoSensorNoise
 from visaug.core.extras import check_installed, extra
 from visaug.core.files import write_json
@@ -50,37 +33,34 @@ CAMERA_MAPS = ("prnu.npy", "dsnu.npy", "read_noise.npy", "dark_current_nonunifor
 MISFIT = 3  # exit status of `compare --fail-on-misfit`; 1 and 2 are failures of the program and of its input
 
 
-@command("characterize", example="visaug characterize frames/ -o camera.yaml --report characterization.html")
-@frames_argument
-@camera_option(required=False)
-@effects_option()
-@bit_depth_option
-@click.option(
-    "--method",
-    type=click.Choice(["emva", "paper"]),
-    default="emva",
-    show_default=True,
-    help="EMVA 1288 with likelihood fits, or the paper's procedure, which uses bias and dark frames only.",
+@cli.command(
+    "characterize", example="visaug characterize frames/ -o camera.yaml --report characterization.html"
 )
-@output_option("camera.yaml", "Write the measured camera.")
-@path_option(
+@cli.frames_argument
+@cli.camera_option(required=False)
+@cli.effects_option()
+@cli.bit_depth_option
+@cli.choice_option(
+    "--method",
+    ("emva", "paper"),
+    "EMVA 1288 with likelihood fits, or the paper's procedure, which uses bias and dark frames only.",
+)
+@cli.output_option("camera.yaml", "Write the measured camera.")
+@cli.path_option(
     "--maps maps_path",
     "DIR",
     "Write maps of every pixel as FITS: master bias, response, read noise, dark current, defects.",
 )
-@click.option(
-    "--use-maps",
-    is_flag=True,
-    help="The camera of -o names the maps in --maps (.npy) in place of patterns drawn by chance.",
+@cli.flag(
+    "--use-maps", "The camera of -o names the maps in --maps (.npy) in place of patterns drawn by chance."
 )
-@path_option(
+@cli.path_option(
     "--sheet sheets",
     "F.html|F.json",
-    "Write the EMVA 1288 release 4 data sheet for each operating point, as a page to print or as JSON. "
-    "May be repeated.",
+    "Write the EMVA 1288 release 4 data sheet for each operating point, as a page to print or as JSON. May be repeated.",
     multiple=True,
 )
-@result_options
+@cli.result_options
 def characterize(
     frames_path: Path,
     camera_name: str | None,
@@ -106,30 +86,29 @@ def characterize(
     """
     import visaug
 
-    may_write(output, force)
+    cli.may_write(output, force)
     if use_maps and not (output and maps_path):
-        raise InputError(
-            "there is no camera or no folder", field="--use-maps", expected="-o and --maps beside it"
-        )
+        expected = "-o and --maps beside it"
+        raise InputError("there is no camera or no folder", field="--use-maps", expected=expected)
     for path in sheets:
-        may_replace(path, force)
+        cli.may_replace(path, force)
         if path.suffix.lower() not in (".html", ".json"):
             raise InputError("is neither", file=path, field="--sheet", expected="a name in .html or .json")
     if maps_path:
         for file in (*MAPS, *(CAMERA_MAPS if use_maps else ())):
-            may_write(maps_path / file, force)
-    camera = load_camera(camera_name) if camera_name else None
-    frames = load_frames(frames_path, camera.resolution if camera else None, bit_depth, quiet)
+            cli.may_write(maps_path / file, force)
+    camera = cli.load_camera(camera_name) if camera_name else None
+    frames = cli.load_frames(frames_path, camera.resolution if camera else None, bit_depth, quiet)
     with progress_bars(quiet=quiet) as progress:
         progress("characterizing", 0, 1)
         result = visaug.characterize(frames, camera, seed=seed, method=method)
         progress("characterizing", 1, 1)
-    silent = is_silent(quiet, json_path)
+    silent = cli.is_silent(quiet, json_path)
     if not silent:
         noiseless = result.is_noiseless
         summaries.print_characterization(result.to_json(), str(output) if output and not noiseless else None)
     # The measurements are written before the camera, because writing a camera fails where none was determined.
-    write_result(json_path, result.to_json())
+    cli.write_result(json_path, result.to_json())
     if output and result.is_noiseless:
         click.echo("no sensor noise found: no camera is written", err=silent)
         output = None
@@ -144,7 +123,7 @@ def characterize(
     if sheets:
         _write_sheets(sheets, frames, camera, seed, quiet)
     if not silent:
-        written(output, maps_path, json_path, report_path, *sheets)
+        cli.written(output, maps_path, json_path, report_path, *sheets)
         if not frames.is_pictures or "gain_e_per_dn" in result.parameters:
             inputs = replace(Inputs.of(camera, frames, output), transfer=result.transfer or "linear")
             step = after_characterization(inputs, frames.is_pictures, result.has_gain, camera is not None)
@@ -166,32 +145,24 @@ def _write_sheets(
             write_sheet(path, points, frames)
 
 
-transfer_option = click.option(
-    "--transfer",
-    type=click.Choice(["linear", "srgb"]),
-    default="linear",
-    show_default=True,
-    help="Encoding of ordinary pictures: linear or sRGB.",
+transfer_option = cli.choice_option(
+    "--transfer", ("linear", "srgb"), "Encoding of ordinary pictures: linear or sRGB."
 )
 
 
-@command("compare", example="visaug compare frames/ --camera camera.yaml --report comparison.html")
-@frames_argument
-@camera_option(required=False)
-@path_option(
+@cli.command("compare", example="visaug compare frames/ --camera camera.yaml --report comparison.html")
+@cli.frames_argument
+@cli.camera_option(required=False)
+@cli.path_option(
     "--target",
     "PICTURES",
     "Pictures of the target domain: FRAMES are then pictures too, with the camera's noise where one is given.",
 )
 @transfer_option
-@effects_option()
-@bit_depth_option
-@result_options
-@click.option(
-    "--fail-on-misfit",
-    is_flag=True,
-    help=f"Exit with status {MISFIT} if the camera does not explain the frames.",
-)
+@cli.effects_option()
+@cli.bit_depth_option
+@cli.result_options
+@cli.flag("--fail-on-misfit", f"Exit with status {MISFIT} if the camera does not explain the frames.")
 def compare(
     frames_path: Path,
     camera_name: str | None,
@@ -214,46 +185,44 @@ def compare(
 
     if target is None and camera_name is None:
         raise InputError("is missing", field="--camera", expected="a camera, or --target PICTURES")
-    camera = load_camera(camera_name) if camera_name else None
-    silent = is_silent(quiet, json_path)
+    camera = cli.load_camera(camera_name) if camera_name else None
+    silent = cli.is_silent(quiet, json_path)
+    pictures: dict[str, Path] = {}
     if target is not None:
         from visaug.pictures.comparison import compare_pictures
 
         renders = visaug.FrameSet.load(frames_path, None, bit_depth)
         wanted = visaug.FrameSet.load(target, None, bit_depth)
         with progress_bars(quiet=quiet) as progress:
-            found = compare_pictures(renders, wanted, camera, transfer, seed, progress)
+            result = compare_pictures(renders, wanted, camera, transfer, seed, progress)
+        content = result.to_json()
+        step = after_pictures(content, picture_inputs(result))
         if not silent:
-            summaries.print_comparison(found.to_json())
-        write_result(json_path, found.to_json())
+            summaries.print_comparison(content)
+        cli.write_result(json_path, content)
         if report_path:
-            found.report(report_path)
+            result.report(report_path)
+    else:
+        assert camera is not None
+        frames = cli.load_frames(frames_path, camera.resolution, bit_depth, quiet)
+        with progress_bars(quiet=quiet) as progress, _warning_of_renders(json_path, fail_on_misfit):
+            result = visaug.compare(camera, frames, seed=seed, progress=progress, transfer=transfer)
+        inputs = replace(Inputs.of(camera, frames), transfer=transfer)
+        content = result.to_json()
+        step = after_comparison(content, inputs)
         if not silent:
-            written(json_path, report_path)
-            summaries.print_next(after_pictures(found.to_json(), picture_inputs(found)))
-        if fail_on_misfit and not found.adequate:
-            raise SystemExit(MISFIT)
-        return
-    assert camera is not None
-    frames = load_frames(frames_path, camera.resolution, bit_depth, quiet)
-    with progress_bars(quiet=quiet) as progress, _warning_of_renders(json_path, fail_on_misfit):
-        result = visaug.compare(camera, frames, seed=seed, progress=progress, transfer=transfer)
-    inputs = replace(Inputs.of(camera, frames), transfer=transfer)
-    content = result.to_json()
-    if not silent:
-        summaries.print_comparison(content)
-    pictures: dict[str, Path] = {}
-    if report_path:
-        from visaug.report import write_comparison
+            summaries.print_comparison(content)
+        if report_path:
+            from visaug.report import write_comparison
 
-        pictures = write_comparison(report_path, result, camera, frames, seed, inputs)
-        content["pictures"] = {name: str(path) for name, path in pictures.items()}
-    write_result(json_path, content)
+            pictures = write_comparison(report_path, result, camera, frames, seed, inputs)
+            content["pictures"] = {name: str(path) for name, path in pictures.items()}
+        cli.write_result(json_path, content)
     if not silent:
-        written(json_path, report_path)
+        cli.written(json_path, report_path)
         if pictures:
             click.echo(f"wrote {len(pictures)} pictures to {next(iter(pictures.values())).parent}")
-        summaries.print_next(after_comparison(content, inputs))
+        summaries.print_next(step)
     if fail_on_misfit and not result.adequate:
         raise SystemExit(MISFIT)
 
@@ -264,48 +233,41 @@ def _warning_of_renders(json_path: Path | None, fail_on_misfit: bool = False) ->
     try:
         yield
     except NoSensorNoise as none:
-        write_result(json_path, {"warnings": [f"no_sensor_noise: {none}"]})
+        cli.write_result(json_path, {"warnings": [f"no_sensor_noise: {none}"]})
         if not fail_on_misfit:
             raise
         click.echo(str(none), err=True)
         raise SystemExit(MISFIT) from None
 
 
-@command(
+@cli.command(
     "diagnose", example="visaug diagnose frames/ --camera camera.yaml -o better.yaml --report diagnosis.html"
 )
-@frames_argument
-@camera_option()
-@effects_option(
+@cli.frames_argument
+@cli.camera_option()
+@cli.effects_option(
     "File with your own effects to try with those of the catalogue (see `visaug effects new`).", pass_on=True
 )
-@bit_depth_option
-@click.option(
-    "--without",
-    metavar="NAME",
-    multiple=True,
-    help="Do not try this effect of the catalogue. May be repeated.",
-)
-@click.option(
+@cli.bit_depth_option
+@cli.option("--without", "NAME", "Do not try this effect of the catalogue. May be repeated.", multiple=True)
+@cli.option(
     "--cluster",
-    metavar="ADDRESS",
-    help="Run the simulations on a Ray cluster: its address, `auto`, or `local` for this machine (extra `cluster`).",
+    "ADDRESS",
+    "Run the simulations on a Ray cluster: its address, `auto`, or `local` for this machine (extra `cluster`).",
 )
-@path_option(
+@cli.path_option(
     "--scenes",
     "PICTURES",
     "Where FRAMES are ordinary pictures: others of such scenes, e.g. the training images. Vignetting needs them.",
 )
 @transfer_option
-@output_option("camera2.yaml", "Write the refitted camera with the missing effects.")
-@click.option(
-    "--unexplained",
-    "with_component",
-    is_flag=True,
-    help="Measure what no effect explains (a fixed map, spectra of rows and columns, a variance curve) and write it beside "
+@cli.output_option("camera2.yaml", "Write the refitted camera with the missing effects.")
+@cli.flag(
+    "--unexplained with_component",
+    "Measure what no effect explains (a fixed map, spectra of rows and columns, a variance curve) and write it beside "
     "the camera of -o, which names it as the effect `unexplained`.",
 )
-@result_options
+@cli.result_options
 def diagnose(
     frames_path: Path,
     camera_name: str,
@@ -332,27 +294,18 @@ def diagnose(
     from visaug.app.cli.effect_pages import find
     from visaug.diagnosis.empirical import file_beside
 
-    may_write(output, force)
+    cli.may_write(output, force)
     if with_component:
         if output is None:
             raise InputError("there is no camera", field="--unexplained", expected="-o beside it")
-        may_write(file_beside(output), force)
+        cli.may_write(file_beside(output), force)
     for name in without:
         find(name)
-    camera = load_camera(camera_name)
-    frames = load_frames(frames_path, camera.resolution, bit_depth, quiet)
+    camera = cli.load_camera(camera_name)
+    frames = cli.load_frames(frames_path, camera.resolution, bit_depth, quiet)
     with progress_bars(single=True, quiet=quiet) as progress, _warning_of_renders(json_path):
-        result = visaug.diagnose(
-            camera,
-            frames,
-            effects=list(effects),
-            without=list(without),
-            seed=seed,
-            progress=progress,
-            cluster=cluster,
-            transfer=transfer,
-            scenes=scenes,
-        )
+        how = {"seed": seed, "progress": progress, "cluster": cluster, "transfer": transfer, "scenes": scenes}
+        result = visaug.diagnose(camera, frames, effects=list(effects), without=list(without), **how)
         result = result.with_component(progress) if with_component else result
     part = result.component
     if output and part is not None and part.helps:
@@ -360,30 +313,30 @@ def diagnose(
         result = replace(result, component=part)
     elif output:
         result.camera.save(output)
-    if not is_silent(quiet, json_path):
+    if not cli.is_silent(quiet, json_path):
         summaries.print_diagnosis(result.to_json())
         if with_component and result.unexplained is None:
             click.echo("Nothing is left unexplained: no component is written.")
     chosen = [word for name in without for word in ("--without", name)]
     chosen += [*(("--seed", str(seed)) if seed else ()), *(("--scenes", str(scenes)) if scenes else ())]
     inputs = replace(Inputs.of(camera, frames, output), transfer=transfer, options=tuple(chosen))
-    write_result(json_path, result.to_json())
+    cli.write_result(json_path, result.to_json())
     if report_path:
         from visaug.report import write_diagnosis
 
         write_diagnosis(report_path, result, camera, frames, seed, inputs)
-    if not is_silent(quiet, json_path):
-        written(output, part.file if part else None, json_path, report_path)
+    if not cli.is_silent(quiet, json_path):
+        cli.written(output, part.file if part else None, json_path, report_path)
         summaries.print_next(after_diagnosis(result.to_json(), inputs))
 
 
-@command("lab", example="visaug lab frames/ --camera camera.yaml")
-@frames_argument
-@camera_option()
-@effects_option("File with your own effects; the page can load more.", pass_on=True)
-@bit_depth_option
-@output_option("camera2.yaml", "File that the page's Save camera writes, in addition to the download.")
-@force_option
+@cli.command("lab", example="visaug lab frames/ --camera camera.yaml")
+@cli.frames_argument
+@cli.camera_option()
+@cli.effects_option("File with your own effects; the page can load more.", pass_on=True)
+@cli.bit_depth_option
+@cli.output_option("camera2.yaml", "File that the page's Save camera writes, in addition to the download.")
+@cli.force_option
 @click.option(
     "--port", type=click.IntRange(0, 65535), default=0, show_default="a free one", help="Port on 127.0.0.1."
 )
@@ -409,10 +362,10 @@ def lab(
     with extra():
         from visaug.app.lab import Bench, load_own, serve
     check_installed("matplotlib", "jinja2")
-    may_write(output, force)
+    cli.may_write(output, force)
     own = [name for file in effects for name in load_own(file)]  # first: the camera may name one of them
-    camera = load_camera(camera_name)
-    frames = load_frames(frames_path, camera.resolution, bit_depth)
+    camera = cli.load_camera(camera_name)
+    frames = cli.load_frames(frames_path, camera.resolution, bit_depth)
     bench = Bench(camera, frames, own, seed=seed, output=output, force=force)
     try:
         serve(bench, port, say=click.echo, ready=click.launch if browser else None)

@@ -1,8 +1,9 @@
-"""What the commands share: the camera, the seed, an example in the help, and one way to write results."""
+"""What the commands share: the camera, the seed, an example in the help, one way to write results, and tables."""
 
 import json
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ import click
 from visaug.core.errors import InputError
 from visaug.core.extras import check_installed
 from visaug.core.files import check_place, is_result, write_json
+from visaug.core.wording import printable
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
@@ -47,31 +49,33 @@ def _check_distinct(context: click.Context) -> None:
                 continue
             other = seen.setdefault(path.resolve(), option.opts[0])
             if other != option.opts[0]:
-                raise InputError(
-                    f"{other} and {option.opts[0]} name the same file", file=path, expected="a name for each"
-                )
+                problem = f"{other} and {option.opts[0]} name the same file"
+                raise InputError(problem, file=path, expected="a name for each")
+
+
+def option_with_default(name: str, kind: click.ParamType, default: Any, text: str) -> Decorator:
+    """An option whose default the help shows."""
+    return click.option(name, type=kind, default=default, show_default=True, help=text)
+
+
+def choice_option(name: str, choices: Sequence[str], text: str) -> Decorator:
+    """An option with a few choices, the first by default."""
+    return option_with_default(name, click.Choice(choices), choices[0], text)
 
 
 def command(name: str, *, example: str) -> Callable[[Callable], click.Command]:
     """A command with `--seed` and an example under its help."""
-    seed, epilog = click.IntRange(min=0), "\b\nExample:\n  " + example.replace("\n", "\n  ")
-    seeded = click.option(
-        "--seed", type=seed, default=0, show_default=True, help="Seed of all random numbers."
-    )
+    epilog = "\b\nExample:\n  " + example.replace("\n", "\n  ")
+    seeded = option_with_default("--seed", click.IntRange(min=0), 0, "Seed of all random numbers.")
     return lambda function: click.command(name, cls=_Command, epilog=epilog)(seeded(function))
 
 
 def camera_option(required: bool = True, if_repeated: str = "") -> Decorator:
     """`--camera`; `if_repeated` says what a command that takes several does with them."""
     text = "A camera.yaml, or the name of a camera in the package or of your own (see `visaug cameras`)."
-    return click.option(
-        "--camera",
-        "camera_names" if if_repeated else "camera_name",
-        metavar="CAMERA",
-        required=required,
-        multiple=bool(if_repeated),
-        help=f"{text} {if_repeated}".strip(),
-    )
+    names = "--camera camera_names" if if_repeated else "--camera camera_name"
+    more = {"required": required, "multiple": bool(if_repeated)}
+    return option(names, "CAMERA", f"{text} {if_repeated}".strip(), **more)
 
 
 def check_result(context: click.Context, _: click.Parameter, path: Path | None) -> Path | None:
@@ -88,9 +92,19 @@ def _check_report(context: click.Context, parameter: click.Parameter, path: Path
     return check_result(context, parameter, path)
 
 
+def option(names: str, metavar: str, text: str, **more: Any) -> Decorator:
+    """An option with a value; `names` as "--json json_path"."""
+    return click.option(*names.split(), metavar=metavar, help=text, **more)
+
+
+def flag(names: str, text: str, **more: Any) -> Decorator:
+    """An option without a value."""
+    return click.option(*names.split(), is_flag=True, help=text, **more)
+
+
 def path_option(names: str, metavar: str, text: str, **more: Any) -> Decorator:
-    """An option that takes a path; `names` as "--json json_path"."""
-    return click.option(*names.split(), metavar=metavar, type=click.Path(path_type=Path), help=text, **more)
+    """An option that takes a path."""
+    return option(names, metavar, text, type=click.Path(path_type=Path), **more)
 
 
 def output_option(metavar: str, text: str, **more: Any) -> Decorator:
@@ -107,17 +121,18 @@ json_option = path_option(
 )
 
 
-def result_options(function: Callable) -> Callable:
-    """The options --force, --json, --report and --quiet of a command that measures."""
-    report = "Write a report as one HTML file."
-    for option in (
-        click.option("-q", "--quiet", is_flag=True, help="Print errors only, no progress and no tables."),
-        path_option("--report report_path", "F.html", report, callback=_check_report),
-        json_option,
-        force_option,
-    ):
-        function = option(function)
-    return function
+def all_of(*options: Decorator) -> Decorator:
+    """Several options as one decorator, in the order of the help."""
+    return lambda function: reduce(lambda decorated, option: option(decorated), reversed(options), function)
+
+
+# The options of a command that measures.
+result_options = all_of(
+    force_option,
+    json_option,
+    path_option("--report report_path", "F.html", "Write a report as one HTML file.", callback=_check_report),
+    click.option("-q", "--quiet", is_flag=True, help="Print errors only, no progress and no tables."),
+)
 
 
 def _load_effects(_: click.Context, __: click.Parameter, files: tuple[Path, ...]) -> tuple[Path, ...]:
@@ -138,12 +153,11 @@ def effects_option(
     return path_option("--effects effects", "FILE.py", text, **more)
 
 
-bit_depth_option = click.option(
-    "--bit-depth",
-    "bit_depth",
-    metavar="N",
+bit_depth_option = option(
+    "--bit-depth bit_depth",
+    "N",
+    "Bits of the converter, for example 12 for 12-bit data in 16-bit files.",
     type=click.IntRange(1, 32),
-    help="Bits of the converter, for example 12 for 12-bit data in 16-bit files.",
 )
 
 
@@ -165,11 +179,8 @@ def may_replace(path: Path | None, force: bool) -> None:
         return
     check_place(path)
     if path.is_file() and not force and not is_result(path):
-        raise InputError(
-            "exists, and visaug did not write it",
-            file=path,
-            expected="another name, or --force to replace it",
-        )
+        expected = "another name, or --force to replace it"
+        raise InputError("exists, and visaug did not write it", file=path, expected=expected)
 
 
 def numbers(text: str, field: str) -> tuple[float, ...]:
@@ -177,9 +188,8 @@ def numbers(text: str, field: str) -> tuple[float, ...]:
     try:
         return tuple(float(word) for word in text.replace(",", " ").split())
     except ValueError:
-        raise InputError(
-            f"{text!r} is not a list of numbers", field=field, expected="for instance 0.1,0.5,2"
-        ) from None
+        problem = f"{text!r} is not a list of numbers"
+        raise InputError(problem, field=field, expected="for instance 0.1,0.5,2") from None
 
 
 def load_camera(name: str) -> "Camera":
@@ -198,11 +208,8 @@ def load_frames(
     untold = frames.is_pictures and path.is_dir() and not (path / "frames.csv").exists()
     if untold and not quiet and (frames.bit_depth or 0) > 8:
         command = shlex.join(["visaug", "frames", str(path), "-o", str(path / "frames.csv")])
-        click.echo(
-            "read as ordinary pictures, since no name or header tells bias, dark or flat frames; "
-            f"if they are: {command}",
-            err=True,
-        )
+        said = "read as ordinary pictures, since no name or header tells bias, dark or flat frames"
+        click.echo(f"{said}; if they are: {command}", err=True)
     return frames
 
 
@@ -224,3 +231,16 @@ def written(*paths: Path | None) -> None:
     for path in paths:
         if path not in (None, STANDARD_OUTPUT):
             click.echo(f"wrote {path}")
+
+
+def print_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Cells wrap to a terminal's width; into a file or pipe a row is one line."""
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(*head, box=None)
+    for row in rows:
+        table.add_row(*(Text(printable(cell)) for cell in row))  # no markup in a cell
+    terminal = Console()
+    (terminal if terminal.is_terminal else Console(width=240)).print(table)

@@ -5,16 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from visaug.app.cli.options import (
-    Decorator,
-    camera_option,
-    command,
-    effects_option,
-    force_option,
-    load_camera,
-    output_option,
-    written,
-)
+from visaug.app.cli import options as cli
 from visaug.core.errors import PartlyFailed
 from visaug.core.progress import progress_bars
 from visaug.core.wording import counted
@@ -44,109 +35,71 @@ class Range(click.ParamType):
         self.fail(f"{value!r} is not a number or a pair of numbers such as 0:24", param, ctx)
 
 
-def light_options(function: Decorator) -> Decorator:
-    """Options of the conditions under which a picture is taken: encoding, light, gain, strength of the noise."""
-    for option in (
-        click.option(
-            "--bits",
-            type=click.IntRange(1, 16),
-            help="Bits used in 16-bit data, if fewer: 10, 12 or 14. Refused for other data, except 8 for 8-bit.",
-        ),
-        click.option(
-            "--strength",
-            type=click.FloatRange(min=0),
-            default=1.0,
-            show_default=True,
-            help="Factor on the standard deviation of the noise.",
-        ),
-        click.option(
-            "--exposure",
-            type=Range(),
-            help="Fraction of the saturation exposure, 1e-6 to 1; the brightness is restored. With A:B, drawn for each picture.",
-        ),
-        click.option(
-            "--gain-db",
-            type=Range(),
-            help="Gain in dB on the camera's scale. With A:B, drawn for each picture.",
-        ),
-        click.option(
-            "--transfer",
-            type=click.Choice(["auto", "linear", "srgb"]),
-            default="auto",
-            show_default=True,
-            help="Encoding of the pixel values. auto: from colour profile, tags, bit depth and number of channels.",
-        ),
-    ):
-        function = option(function)
-    return function
+# Options of the conditions under which a picture is taken: encoding, light, gain, strength of the noise.
+light_options = cli.all_of(
+    cli.choice_option(
+        "--transfer",
+        ("auto", "linear", "srgb"),
+        "Encoding of the pixel values. auto: from colour profile, tags, bit depth and number of channels.",
+    ),
+    click.option(
+        "--gain-db",
+        type=Range(),
+        help="Gain in dB on the camera's scale. With A:B, drawn for each picture.",
+    ),
+    click.option(
+        "--exposure",
+        type=Range(),
+        help="Fraction of the saturation exposure, 1e-6 to 1; the brightness is restored. With A:B, drawn for each picture.",
+    ),
+    cli.option_with_default(
+        "--strength", click.FloatRange(min=0), 1.0, "Factor on the standard deviation of the noise."
+    ),
+    click.option(
+        "--bits",
+        type=click.IntRange(1, 16),
+        help="Bits used in 16-bit data, if fewer: 10, 12 or 14. Refused for other data, except 8 for 8-bit.",
+    ),
+)
 
 
-@command(
+@cli.command(
     "augment", example="visaug augment photos/ portrait.tif -o noisy/ --camera sony_imx174 --gain-db 0:24"
 )
 @click.argument("inputs", metavar="IN...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@output_option("OUT", "Folder for the copies.", required=True)
-@camera_option(if_repeated="If repeated, one is drawn for each picture.")
+@cli.output_option("OUT", "Folder for the copies.", required=True)
+@cli.camera_option(if_repeated="If repeated, one is drawn for each picture.")
 @light_options
-@click.option(
-    "--p",
-    type=click.FloatRange(0, 1),
-    default=1.0,
-    show_default=True,
-    help="Probability that a copy gets noise.",
+@cli.option_with_default("--p", click.FloatRange(0, 1), 1.0, "Probability that a copy gets noise.")
+@cli.option_with_default(
+    "--copies", click.IntRange(min=1), 1, "Copies of each picture: a_1.png, a_2.png, ..."
 )
-@click.option(
-    "--copies",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="Copies of each picture: a_1.png, a_2.png, ...",
-)
-@click.option(
-    "--copy-labels",
-    "labels",
-    is_flag=True,
-    help="Copy everything else of the folders too: YOLO labels to where ultralytics looks for them, annotations, masks and "
+@cli.flag(
+    "--copy-labels labels",
+    "Copy everything else of the folders too: YOLO labels to where ultralytics looks for them, annotations, masks and "
     "depth to their places.",
 )
-@click.option(
+@cli.option(
     "--include",
+    "PATTERN",
+    "Add noise to these pictures alone, for example 'rgb/*.png'; paths below an input. May be repeated.",
     multiple=True,
-    metavar="PATTERN",
-    help="Add noise to these pictures alone, for example 'rgb/*.png'; paths below an input. May be repeated.",
 )
-@click.option(
-    "--exclude",
-    multiple=True,
-    metavar="PATTERN",
-    help="Leave these out, for example '*mask*'. May be repeated.",
-)
-@click.option(
+@cli.option("--exclude", "PATTERN", "Leave these out, for example '*mask*'. May be repeated.", multiple=True)
+@cli.flag(
     "--force",
-    is_flag=True,
-    help="Add noise to what looks like labels too, and replace files that visaug did not write or that were changed since.",
+    "Add noise to what looks like labels too, and replace files that visaug did not write or that were changed since.",
 )
-@click.option(
+@cli.choice_option(
     "--fixed-pattern",
-    type=click.Choice(["image", "camera"]),
-    default="image",
-    show_default=True,
-    help="Draw new fixed patterns for each picture, or keep those of one camera.",
+    ("image", "camera"),
+    "Draw new fixed patterns for each picture, or keep those of one camera.",
 )
-@click.option(
-    "--black-level",
-    type=click.Choice(["subtract", "keep"]),
-    default="subtract",
-    show_default=True,
-    help="Subtract the camera's black level from the result, or keep it.",
+@cli.choice_option(
+    "--black-level", ("subtract", "keep"), "Subtract the camera's black level from the result, or keep it."
 )
-@effects_option()
-def augment(
-    inputs: tuple[Path, ...],
-    output: Path,
-    camera_names: tuple[str, ...],
-    **options: Any,
-) -> None:
+@cli.effects_option()
+def augment(inputs: tuple[Path, ...], output: Path, camera_names: tuple[str, ...], **options: Any) -> None:
     """Write noisy copies of pictures or folders.
 
     Reads PNG, JPEG, TIFF, WebP and BMP with 8 or 16 bits, floating-point TIFF, OpenEXR and NumPy arrays. Names,
@@ -155,7 +108,7 @@ def augment(
     """
     from visaug.augment.files import augment_files
 
-    cameras = [load_camera(name) for name in camera_names]
+    cameras = [cli.load_camera(name) for name in camera_names]
     with progress_bars() as progress:
         done = augment_files(inputs, output, cameras, progress=progress, **options)
     _say(done, output)
@@ -167,33 +120,28 @@ def augment(
         raise PartlyFailed("\n  ".join([head, *done.failed]))
 
 
-@command(
+@cli.command(
     "preview", example="visaug preview photo.jpg --camera sony_imx174 --camera canon_5d4_iso800 -o sheet.png"
 )
 @click.argument("picture", metavar="IMAGE", type=click.Path(path_type=Path))
-@camera_option(if_repeated="If repeated, the sheet shows each.")
+@cli.camera_option(if_repeated="If repeated, the sheet shows each.")
 @light_options
-@output_option("sheet.png", "Write the contact sheet; an earlier sheet is replaced.", required=True)
-@force_option
-@effects_option()
-def preview(
-    picture: Path,
-    camera_names: tuple[str, ...],
-    output: Path,
-    **options: Any,
-) -> None:
+@cli.output_option("sheet.png", "Write the contact sheet; an earlier sheet is replaced.", required=True)
+@cli.force_option
+@cli.effects_option()
+def preview(picture: Path, camera_names: tuple[str, ...], output: Path, **options: Any) -> None:
     """Write a contact sheet of one picture.
 
     For each camera it shows a crop at 1:1, a part of it at 4x, and the standard deviation of the noise at five levels,
     in 8-bit levels (0 to 255). Gain and exposure that are not given are chosen so that the noise is visible, and
     are printed on the sheet.
     """
-    said = write_preview(picture, [load_camera(name) for name in camera_names], output, **options)
+    said = write_preview(picture, [cli.load_camera(name) for name in camera_names], output, **options)
     click.echo(f"transfer function: {said}")
-    written(output)
+    cli.written(output)
 
 
-@command(
+@cli.command(
     "example",
     example="visaug example example/\nvisaug preview example/render.png --camera sony_imx174 -o sheet.png",
 )
@@ -215,9 +163,8 @@ def _say(done: "Augmented", output: Path) -> None:
     line += f" ({done.replaced} replaced)" if done.replaced else ""
     click.echo(line + (f", {done.kept} existed already" if done.kept else ""))
     if done.carried:
-        click.echo(
-            f"copied {counted(done.carried, 'other file')} as {'it is' if done.carried == 1 else 'they are'}"
-        )
+        they_are = "it is" if done.carried == 1 else "they are"
+        click.echo(f"copied {counted(done.carried, 'other file')} as {they_are}")
     if done.like_labels:
         reasons = ", ".join(f"{why}: {count}" for why, count in sorted(done.like_labels.items()))
         click.echo(
@@ -227,22 +174,21 @@ def _say(done: "Augmented", output: Path) -> None:
     if done.assumed:
         parts = [f"{WORDS[kind]} for {count} ({why})" for (kind, why), count in sorted(done.assumed.items())]
         click.echo(f"transfer function: {', '.join(parts)}")
-    if done.clipped:
-        click.echo(
-            f"{counted(done.clipped, 'picture')} with values outside [0, 1], which are clipped: 1 is white; "
-            "divide a high-dynamic-range render by the value that shall be white first"
-        )
-    if done.skipped:
-        parts = [f"{count} {suffix}" for suffix, count in sorted(done.skipped.items())]
-        click.echo(f"skipped {counted(sum(done.skipped.values()), 'file')}: {', '.join(parts)}")
-    if done.outputs:
-        click.echo(f"skipped copies of visaug augment in {', '.join(map(str, done.outputs))}")
-    if done.again:
-        click.echo(f"noise was added to copies of visaug augment: {', '.join(map(str, done.again))}")
-    if done.excluded:
-        click.echo(f"left out {counted(done.excluded, 'picture')} by --include and --exclude")
-    if done.unlabelled:
-        click.echo(f"{counted(done.unlabelled, 'picture')} without labels")
+    skipped = ", ".join(f"{count} {suffix}" for suffix, count in sorted(done.skipped.items()))
+    clipped = "1 is white; divide a high-dynamic-range render by the value that shall be white first"
+    for there, said in (
+        (
+            done.clipped,
+            f"{counted(done.clipped, 'picture')} with values outside [0, 1], which are clipped: {clipped}",
+        ),
+        (done.skipped, f"skipped {counted(sum(done.skipped.values()), 'file')}: {skipped}"),
+        (done.outputs, f"skipped copies of visaug augment in {', '.join(map(str, done.outputs))}"),
+        (done.again, f"noise was added to copies of visaug augment: {', '.join(map(str, done.again))}"),
+        (done.excluded, f"left out {counted(done.excluded, 'picture')} by --include and --exclude"),
+        (done.unlabelled, f"{counted(done.unlabelled, 'picture')} without labels"),
+    ):
+        if there:
+            click.echo(said)
 
 
 COMMANDS: list[click.Command] = [augment, preview, example]

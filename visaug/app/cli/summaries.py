@@ -1,19 +1,13 @@
 """Results on the terminal, from their JSON form."""
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from visaug.app.cli.tables import print_table
-from visaug.core.wording import with_interval
-from visaug.report.headline import (
-    WHERE_HEAD,
-    characterization_headline,
-    comparison_headline,
-    diagnosis_details,
-    diagnosis_headline,
-    where_rows,
-)
+from visaug.app.cli.options import print_table
+from visaug.core.wording import first_of, with_interval
+from visaug.report import headline
 from visaug.report.next_step import NextStep
 
 if TYPE_CHECKING:
@@ -22,12 +16,10 @@ if TYPE_CHECKING:
 
 def print_characterization(result: dict[str, Any], camera_file: str | None) -> None:
     """What was found beyond the base chain, a table of parameters with intervals, what stays open, and warnings."""
-    headline = characterization_headline(result, camera_file)
-    if headline:
-        click.echo(headline)
+    if said := headline.characterization_headline(result, camera_file):
+        click.echo(said)
     rows = [
-        [name, with_interval(e["value"], e.get("low"), e.get("high")), e["unit"], e["from"]]
-        for name, e in result["parameters"].items()
+        [name, headline.entry_text(e, ""), e["unit"], e["from"]] for name, e in result["parameters"].items()
     ]
     print_table(["parameter", "value [95 % interval]", "unit", "source"], rows)
     needed: dict[str, list[str]] = {}
@@ -41,20 +33,16 @@ def print_characterization(result: dict[str, Any], camera_file: str | None) -> N
 
 def print_survey(found: "Survey") -> None:
     """The frames of each condition, then what is missing."""
-    rows = [
-        [kind or "?", str(count), *(_cell(v) for v in values)]
-        for (kind, *values), count in found.conditions().items()
-    ]
+
+    def cells(values: Iterable[float | str | None], unknown: str = "") -> list[str]:
+        return [unknown if v is None else v if isinstance(v, str) else f"{v:g}" for v in values]
+
+    conditions = found.conditions().items()
+    rows = [[kind or "?", str(count), *cells(values)] for (kind, *values), count in conditions]
     print_table(
         ["kind", "frames", "exposure s", "temperature C", "gain dB", "setting", "filter", "photons"], rows
     )
-    told = [
-        [
-            files[0] if len(files) == 1 else f"{files[0]} and {len(files) - 1} more",
-            *(_cell(v) if v is not None else "?" for v in key),
-        ]
-        for key, files in found.told_by().items()
-    ]
+    told = [[first_of(files, 1), *cells(key, "?")] for key, files in found.told_by().items()]
     print_table(["files", "kind", "from", "exposure s", "from", "temperature C", "from"], told)
     for note in found.notes:
         click.echo(note)
@@ -62,16 +50,12 @@ def print_survey(found: "Survey") -> None:
         click.echo("the table is not complete: fill in the blank cells before you use it")
 
 
-def _cell(value: float | str | None) -> str:
-    return "" if value is None else value if isinstance(value, str) else f"{value:g}"
-
-
 def print_comparison(result: dict[str, Any]) -> None:
     """Where the model fails, then the answer in one sentence."""
     if result["where"]:
-        print_table(WHERE_HEAD, where_rows(result["where"]))
+        print_table(headline.WHERE_HEAD, headline.where_rows(result["where"]))
     print_used(result)
-    click.echo(comparison_headline(result))
+    click.echo(headline.comparison_headline(result))
 
 
 def print_diagnosis(result: dict[str, Any]) -> None:
@@ -82,8 +66,8 @@ def print_diagnosis(result: dict[str, Any]) -> None:
     if result.get("cannot_show"):
         click.echo("these frames cannot show: " + ", ".join(result["cannot_show"]))
     print_used(result)
-    click.echo(diagnosis_headline(result))
-    for line in diagnosis_details(result):
+    click.echo(headline.diagnosis_headline(result))
+    for line in headline.diagnosis_details(result):
         click.echo(line)
 
 

@@ -5,33 +5,22 @@ from typing import Any
 
 import click
 
+from visaug.app.cli import options as cli
 from visaug.app.cli import summaries
-from visaug.app.cli.options import (
-    bit_depth_option,
-    camera_option,
-    command,
-    effects_option,
-    force_option,
-    load_camera,
-    may_write,
-    numbers,
-    output_option,
-    written,
-)
 from visaug.core.errors import InputError
 from visaug.core.files import whole_file, write_text
 from visaug.core.progress import progress_bars
 
 
-@command(
+@cli.command(
     "simulate",
     example="visaug plan -o frames.csv\nvisaug simulate frames.csv --camera sony_imx174 -o frames/",
 )
 @click.argument("plan_path", metavar="PLAN", type=click.Path(path_type=Path))
-@camera_option()
-@effects_option()
-@output_option("DIR", "Folder for the frames, frames.csv and camera.yaml.", required=True)
-@force_option
+@cli.camera_option()
+@cli.effects_option()
+@cli.output_option("DIR", "Folder for the frames, frames.csv and camera.yaml.", required=True)
+@cli.force_option
 def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed: int) -> None:
     """Simulate a frame set with a camera.
 
@@ -44,7 +33,7 @@ def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed:
 
     if output.is_dir() and any(output.iterdir()) and not force:
         raise InputError("already exists", file=output, expected="another name, or --force to overwrite it")
-    camera = load_camera(camera_name)
+    camera = cli.load_camera(camera_name)
     plan = with_chart(camera, FrameSet.load(plan_path, resolution=camera.resolution))
     places(plan.records)
     with progress_bars() as progress:
@@ -53,30 +42,37 @@ def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed:
     click.echo(f"wrote {len(frames)} frames to {output}")
 
 
-@command(
+@cli.command(
     "plan",
     example="visaug plan --camera sony_imx174 --temperatures 20 --gains-db 0 -o frames.csv\n"
     "visaug plan --exposure 0.02 --dark-exposures 0.1,1,10 --levels 0.1,0.3,0.6,1.1 -o frames.csv",
 )
-@camera_option(required=False)
-@effects_option()
-@click.option("--saturation", "saturation_photons", type=float, metavar="PHOTONS",
-              help="Photons per pixel at saturation, at the exposure of the flats.")  # fmt: skip
-@click.option(
-    "--exposure", "exposure_s", type=float, metavar="S", help="Exposure time of flats and scenes, in seconds."
+@cli.camera_option(required=False)
+@cli.effects_option()
+@cli.option(
+    "--saturation saturation_photons",
+    "PHOTONS",
+    "Photons per pixel at saturation, at the exposure of the flats.",
+    type=float,
 )
-@click.option("--dark-exposures", metavar="S,S,...", help="Exposure times of the dark series, in seconds.")
+@cli.option("--exposure exposure_s", "S", "Exposure time of flats and scenes, in seconds.", type=float)
+@cli.option("--dark-exposures dark_exposures_s", "S,S,...", "Exposure times of the dark series, in seconds.")
 @click.option("--levels", metavar="X,X,...", help="Levels of the flats, as fractions of saturation.")
-@click.option("--temperatures", metavar="C,C,... | none",
-              help="Temperatures of the dark series, in degrees Celsius; all other frames use the first. "
-              "`none` if not known.")  # fmt: skip
+@cli.option(
+    "--temperatures temperatures_c",
+    "C,C,... | none",
+    "Temperatures of the dark series, in degrees Celsius; all other frames use the first. `none` if not known.",
+)
 @click.option("--gains-db", metavar="DB,DB,...", help="Gain settings, in dB; all other frames use the first.")
 @click.option("--repeats", type=int, metavar="N", help="Frames per setting, 2 or more.")
 @click.option("--bias-frames", type=int, metavar="N", help="Bias frames, 2 or more.")
-@click.option("--for", "effects_for", metavar="EFFECT,...",
-              help="With --camera: what the frames would show of these effects, and what looks alike.")  # fmt: skip
-@output_option("frames.csv", "Write the plan as a frames.csv.")
-@force_option
+@cli.option(
+    "--for effects_for",
+    "EFFECT,...",
+    "With --camera: what the frames would show of these effects, and what looks alike.",
+)
+@cli.output_option("frames.csv", "Write the plan as a frames.csv.")
+@cli.force_option
 def plan(
     camera_name: str | None,
     effects_for: str | None,
@@ -93,7 +89,7 @@ def plan(
     from visaug.frames.plan import describe_plan, plan_groups
     from visaug.frames.table import write_table
 
-    may_write(output, force)
+    cli.may_write(output, force)
     if effects_for is not None:
         if not camera_name:
             raise InputError("needs a camera", field="--for", expected="--camera CAMERA")
@@ -102,9 +98,9 @@ def plan(
             raise InputError("names no effect", field="--for", expected="for example row_noise,smear")
         with progress_bars(single=True) as progress:
             from visaug.diagnosis.planned import before_frames
-            from visaug.report.verdict_text import planned_text
+            from visaug.report.headline import planned_text
 
-            found = before_frames(load_camera(camera_name), names, progress)
+            found = before_frames(cli.load_camera(camera_name), names, progress)
         for verdict in found:
             click.echo(planned_text(verdict.to_json()))
         if output is None:
@@ -113,37 +109,35 @@ def plan(
     if camera_name:
         from visaug.camera.simulation import plan_for
 
-        options = plan_for(load_camera(camera_name))
-    for option, field in (
-        ("dark_exposures", "dark_exposures_s"),
-        ("levels", "levels"),
-        ("temperatures", "temperatures_c"),
-        ("gains_db", "gains_db"),
-    ):
-        text = given.pop(option)
-        if text is not None:
-            given[field] = (None,) if text == "none" else numbers(text, "--" + option.replace("_", "-"))
+        options = plan_for(cli.load_camera(camera_name))
+    for option in ("dark_exposures_s", "levels", "temperatures_c", "gains_db"):  # lists
+        if (text := given[option]) is not None:
+            name = "--" + option.removesuffix("_s").removesuffix("_c").replace("_", "-")
+            given[option] = (None,) if text == "none" else cli.numbers(text, name)
     options.update({name: value for name, value in given.items() if value is not None})
     groups = plan_groups(**options)
     click.echo(describe_plan(groups))
     if output:
         with whole_file(output) as temporary:
             write_table(temporary, [record for group in groups for record in group.records])
-    written(output)
+    cli.written(output)
 
 
-@command("frames", example="visaug frames measured/ -o measured/frames.csv --bit-depth 12 --temperature 20")
+@cli.command(
+    "frames", example="visaug frames measured/ -o measured/frames.csv --bit-depth 12 --temperature 20"
+)
 @click.argument("folder", metavar="FOLDER", type=click.Path(path_type=Path))
-@bit_depth_option
-@click.option("--exposure", "exposure_s", type=float, metavar="S",
-              help="Exposure time of files that do not state it, in seconds.")  # fmt: skip
-@click.option("--temperature", "temperature_c", type=float, metavar="C",
-              help="Temperature of files that do not state it, in C.")  # fmt: skip
-@click.option("--gain-db", "gain_db", type=float, metavar="DB",
-              help="Gain of files that do not state it, in dB.")  # fmt: skip
+@cli.bit_depth_option
+@cli.option(
+    "--exposure exposure_s", "S", "Exposure time of files that do not state it, in seconds.", type=float
+)
+@cli.option(
+    "--temperature temperature_c", "C", "Temperature of files that do not state it, in C.", type=float
+)
+@cli.option("--gain-db gain_db", "DB", "Gain of files that do not state it, in dB.", type=float)
 @click.option("--resolution", metavar="ROWSxCOLUMNS", help="Resolution of .raw files.")
-@output_option("frames.csv", "Write the table; the column `file` is relative to its folder.")
-@force_option
+@cli.output_option("frames.csv", "Write the table; the column `file` is relative to its folder.")
+@cli.force_option
 def frames(
     folder: Path,
     bit_depth: int | None,
@@ -162,29 +156,27 @@ def frames(
     """
     from visaug.frames.survey import parse_resolution, survey
 
-    may_write(output, force)
+    cli.may_write(output, force)
     values = {**given, "bit_depth": bit_depth}
     with progress_bars() as progress:
         found = survey(folder, values, parse_resolution(resolution), progress=progress)
     summaries.print_survey(found)
     if output:
         write_text(output, found.text(output.parent))
-    written(output)
+    cli.written(output)
 
 
-@command(
+@cli.command(
     "effects",
     example="visaug effects row_noise\nvisaug effects --search banding\n"
     "visaug effects new my_effect\nvisaug effects check my_effect.py",
 )
 @click.argument("words", metavar="[NAME | new NAME | check FILE.py]", nargs=-1)
-@click.option(
-    "--search",
-    metavar="WORDS",
-    help="List the effects that are called or described so: banding, EMI, ghosting, PRNU.",
+@cli.option(
+    "--search", "WORDS", "List the effects that are called or described so: banding, EMI, ghosting, PRNU."
 )
-@output_option("FILE.py", "File that `new` writes.  [default: NAME.py]")
-@effects_option("File with your own effects to include.")
+@cli.output_option("FILE.py", "File that `new` writes.  [default: NAME.py]")
+@cli.effects_option("File with your own effects to include.")
 def effects(words: tuple[str, ...], search: str | None, output: Path | None, seed: int) -> None:
     """List or describe effects, write a template, or check a file of your own.
 
@@ -198,11 +190,10 @@ def effects(words: tuple[str, ...], search: str | None, output: Path | None, see
         case ():
             effect_pages.print_catalogue(search or "")
         case _ if search:
-            raise InputError(
-                "goes without a NAME", field="--search", expected="visaug effects --search WORDS"
-            )
+            expected = "visaug effects --search WORDS"
+            raise InputError("goes without a NAME", field="--search", expected=expected)
         case ("new", name):
-            written(effect_pages.write_new(name, output))
+            cli.written(effect_pages.write_new(name, output))
         case ("check", file):
             effect_pages.check_file(Path(file))
         case (name,) if name not in ("new", "check"):

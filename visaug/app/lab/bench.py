@@ -1,13 +1,12 @@
 """State of the page: frames, the camera file as given, what was found, and the camera as it is now."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from visaug.app.lab.own_picture import OwnPicture
-from visaug.app.lab.past import Past
+from visaug.app.lab.data import OwnPicture
 from visaug.camera import Camera
 from visaug.camera.maps import named_maps, set_map
 from visaug.core.errors import InputError
@@ -18,6 +17,34 @@ from visaug.diagnosis.session import Session, Setup
 from visaug.effects import catalogue, load_file
 from visaug.frames import FrameSet
 from visaug.report.next_step import Inputs
+
+
+@dataclass
+class Past:
+    """States of the bench in the order in which they came about.
+
+    Attributes:
+        entries: what was done and the state after it; the first is the camera file as given.
+        at: which of them is current.
+    """
+
+    entries: list[tuple[str, Setup]] = field(default_factory=lambda: [("camera as given", Setup())])
+    at: int = 0
+
+    def put(self, action: str, setup: Setup, instead: bool = False) -> None:
+        """After a change: states that were undone are dropped.
+
+        Args:
+            instead: the change goes on with the last one, in whose place it is put.
+        """
+        first = self.at if instead and self.at else self.at + 1
+        self.entries[first:] = [(action, setup)]
+        self.at = first
+
+    def go(self, to: int) -> Setup:
+        """Back or forward to a state, by its place; one that is not there is the nearest."""
+        self.at = min(max(to, 0), len(self.entries) - 1)
+        return self.entries[self.at][1]
 
 
 class Bench:
@@ -124,9 +151,8 @@ class Bench:
         """Takes up an effect of one's own from the text of a Python file, which is run; what was loaded, in words."""
         name = Path(file_name).name
         if not name.endswith(".py"):
-            raise InputError(
-                "is not a Python file", file=name, expected="a .py file as `visaug effects new` writes it"
-            )
+            expected = "a .py file as `visaug effects new` writes it"
+            raise InputError("is not a Python file", file=name, expected=expected)
         path = Path(self._uploads.name) / name
         path.write_text(text, encoding="utf-8")
         try:
@@ -152,11 +178,9 @@ class Bench:
         if self.output is None:
             return None
         if not self.force and self.output.exists() and self.output.read_bytes() != self._saved:
-            raise InputError(
-                "already exists, and is not as the lab wrote it: the camera is not written there",
-                file=self.output,
-                expected="the download, or a lab that is started with another -o or with --force",
-            )
+            problem = "already exists, and is not as the lab wrote it: the camera is not written there"
+            expected = "the download, or a lab that is started with another -o or with --force"
+            raise InputError(problem, file=self.output, expected=expected)
         self.camera.save(self.output)
         self._saved = self.output.read_bytes()
         return self.output
@@ -178,24 +202,20 @@ class Bench:
     def to_json(self) -> dict[str, Any]:
         """The current camera in the form of `visaug diagnose --json`: `accepted` is what was added by hand."""
         assert self.comparison is not None
-        fit, found = self.now.fit, self.diagnosis
+        fit = self.now.fit
         error = fit.error if fit and self.has_excess else None
         full = None if self.now.quick else fit
         blank: dict[str, Any] = {"ranking": [], "ambiguous": [], "unexplained": None}
-        content = blank | (found or self.comparison).to_json()
-        return content | {
-            "error": {
-                "before": 1.0 if self.has_excess else None,
-                "after": error and error.value,
-                "floor": 0.0,
-                "interval_after": error and [error.low, error.high],
-            },
-            "fits": content["fits"]
-            | {"p_value_after": full and full.p_value, "adequate_after": full and full.adequate},
-            "ranking": self._ranking(content["ranking"]),
-            "accepted": list(self.now.added),
-            "steps": [step.to_json() for step in self.now.steps] if self.has_excess else [],
-        }
+        content = blank | (self.diagnosis or self.comparison).to_json()
+        after, interval = error and error.value, error and [error.low, error.high]
+        before = 1.0 if self.has_excess else None
+        content["error"] = {"before": before, "after": after, "floor": 0.0, "interval_after": interval}
+        judged = {"p_value_after": full and full.p_value, "adequate_after": full and full.adequate}
+        content["fits"] = content["fits"] | judged
+        content["ranking"] = self._ranking(content["ranking"])
+        content["accepted"] = list(self.now.added)
+        content["steps"] = [step.to_json() for step in self.now.steps] if self.has_excess else []
+        return content
 
     def _ranking(self, ranked: list[dict[str, Any]]) -> list[dict[str, Any]]:
         """The diagnosis' ranking with what was fitted by hand."""
@@ -215,13 +235,10 @@ def load_own(file: str | Path) -> list[str]:
         InputError: a file that cannot be imported or holds no effect, an effect without a strength to fit.
     """
     found = load_file(file)
+    expected = "a Parameter with strength=True, at which the effect vanishes when it is zero"
     for effect in found:
         if not effect.strengths():
-            raise InputError(
-                f"{effect.name} has no strength",
-                file=file,
-                expected="a Parameter with strength=True, at which the effect vanishes when it is zero",
-            )
+            raise InputError(f"{effect.name} has no strength", file=file, expected=expected)
     return [effect.name for effect in found]
 
 

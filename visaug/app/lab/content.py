@@ -10,10 +10,9 @@ from visaug.characterization.alarms import all_warnings
 from visaug.core.wording import number, p_text, share_text, statistic_text, with_interval
 from visaug.diagnosis import Diagnosis, FittedValue
 from visaug.effects import Parameter
-from visaug.report.headline import diagnosis_headline, view_title
+from visaug.report.headline import diagnosis_headline, verdict_row, view_title
 from visaug.report.next_step import PICTURES, NextStep, after_comparison, after_diagnosis
 from visaug.report.pages import described, unit_text
-from visaug.report.verdict_text import verdict_row
 from visaug.statistics import VIEWS
 from visaug.statistics.distance import Error
 from visaug.statistics.places import Place
@@ -46,8 +45,7 @@ def content(bench: Bench, wanted: Mapping[str, float]) -> dict[str, Any]:
         "diagnosed": bench.diagnosis is not None,
         "changed": bench.now.fit is not None,
         "effects": [
-            effect | {"fields": [row for row in rows if row["path"].startswith(f"{effect['name']}.")]}
-            for effect in effects
+            e | {"fields": [r for r in rows if r["path"].startswith(f"{e['name']}.")]} for e in effects
         ],
         "candidates": candidates,
         "verdicts": [verdict_row(v.to_json()) for v in bench.diagnosis.effects] if bench.diagnosis else [],
@@ -66,19 +64,16 @@ def verdict(bench: Bench) -> str:
     """Whether the current camera explains the frames, and what is missing, in a few sentences."""
     fit = bench.now.fit
     if fit and bench.now.quick:
-        return (
-            f"{_changes(bench)}: its error is estimated from a few simulated sets; the full estimate follows."
-        )
+        estimate = "its error is estimated from a few simulated sets; the full estimate follows"
+        return f"{_changes(bench)}: {estimate}."
     if fit:
         said = _judged(_changes(bench), fit.adequate, fit.p_value, fit.where)
         return f"{said} Its error is {_with_interval(fit.error)}." if fit.error and bench.has_excess else said
     if bench.diagnosis:
         return _diagnosed(bench.diagnosis)
-    if bench.comparison:
-        c = bench.comparison
-        return _judged("The camera as given", c.adequate, c.p_value, c.where) + (
-            "" if c.adequate else " Diagnose finds out which effect is missing."
-        )
+    if c := bench.comparison:
+        said = _judged("The camera as given", c.adequate, c.p_value, c.where)
+        return said if c.adequate else f"{said} Diagnose finds out which effect is missing."
     return "The same frames are being simulated with this camera, many times over, to compare them with the measured ones."
 
 
@@ -94,13 +89,12 @@ def next_step(bench: Bench) -> NextStep | None:
         return after_diagnosis(bench.diagnosis.to_json(), inputs)
     if bench.diagnosis:
         names = " and ".join(f"Add {name}" for name in bench.diagnosis.accepted)
-        return NextStep(
-            f"Next: {names}, then Save camera. The current camera is still the file as given.", ""
-        )
+        text = f"Next: {names}, then Save camera. The current camera is still the file as given."
+        return NextStep(text, "")
     step = after_comparison(bench.comparison.to_json(), inputs)
-    return (
-        step if bench.comparison.adequate else step._replace(text="Next: Diagnose. The same in a terminal:")
-    )
+    if not bench.comparison.adequate:
+        step = step._replace(text="Next: Diagnose. The same in a terminal:")
+    return step
 
 
 def _diagnosed(found: Diagnosis) -> str:
@@ -125,14 +119,9 @@ def _judged(subject: str, holds: bool, p: float, places: tuple[Place, ...]) -> s
 
 def _changes(bench: Bench) -> str:
     """The current camera as the subject of a sentence."""
-    parts = []
-    if bench.now.added:
-        parts.append(f"with {' and '.join(bench.now.added)}")
-    if bench.now.without:
-        parts.append(f"without {' and '.join(bench.now.without)}")
-    if bench.now.numbers:
-        parts.append(f"with {' and '.join(bench.now.numbers)} set by hand")
-    return f"The camera {' and '.join(parts)}"
+    now = bench.now
+    changes = (now.added, "with {}"), (now.without, "without {}"), (now.numbers, "with {} set by hand")
+    return f"The camera {' and '.join(how.format(' and '.join(what)) for what, how in changes if what)}"
 
 
 def _error(bench: Bench) -> dict[str, Any]:
@@ -155,13 +144,9 @@ def _error(bench: Bench) -> dict[str, Any]:
     value, interval = min(max(error.value, 0.0), 1.0), f"[{error.low:.2f}, {error.high:.2f}]"
     if bench.now.quick:
         return shown(f"≈ {error.value:.1f}", "a quick estimate", value, interval)
-    return shown(f"{error.value:.2f}", _meaning(error), value, interval)
-
-
-def _meaning(error: Error) -> str:
-    if error.low <= 0:
-        return "as good as a second camera of the same type"
-    return "of the camera file's error is left" if error.value < 1 else "no better than the camera file"
+    meaning = "of the camera file's error is left" if error.value < 1 else "no better than the camera file"
+    meaning = "as good as a second camera of the same type" if error.low <= 0 else meaning
+    return shown(f"{error.value:.2f}", meaning, value, interval)
 
 
 def _notes(bench: Bench) -> list[str]:
@@ -174,9 +159,8 @@ def _notes(bench: Bench) -> list[str]:
     if not found:
         return notes
     for group in found.ambiguous:
-        notes.append(
-            f"{', '.join(group['effects'])} cannot be distinguished with these frames; {group['measure']}."
-        )
+        names = ", ".join(group["effects"])
+        notes.append(f"{names} cannot be distinguished with these frames; {group['measure']}.")
     if found.form:
         notes.append(found.form)
     if found.unexplained:
@@ -204,24 +188,23 @@ def _effects(bench: Bench) -> list[dict[str, Any]]:
 def _candidates(bench: Bench) -> list[dict[str, Any]]:
     """Ranked effects, then those of the user's own and those taken out of the file."""
     there = {*bench.given.effect_names, *bench.now.added} - {*bench.now.without}
-    entries = []
-    for ranked in bench.diagnosis.ranking if bench.diagnosis else ():
-        entries.append(
-            {
-                "name": ranked.effect,
-                "summary": summary(ranked.effect),
-                "probability": ranked.probability,
-                "error": None if ranked.error_after is None else f"{ranked.error_after:.2f}",
-                "numbers": [_said(key, estimate) for key, estimate in ranked.parameters.items()]
-                + [f"{key} {word}" for key, word in ranked.forms.items()],
-                "missing": bench.diagnosis is not None and ranked.effect in bench.diagnosis.accepted,
-            }
-        )
-    known = {entry["name"] for entry in entries}
+    found = bench.diagnosis
+    entries: dict[str, dict[str, Any]] = {}
+    for ranked in found.ranking if found else ():
+        numbers = [_said(key, estimate) for key, estimate in ranked.parameters.items()]
+        entries[ranked.effect] = {
+            "probability": ranked.probability,
+            "error": None if ranked.error_after is None else f"{ranked.error_after:.2f}",
+            "numbers": [*numbers, *(f"{key} {word}" for key, word in ranked.forms.items())],
+            "missing": found is not None and ranked.effect in found.accepted,
+        }
     for name in (*bench.loaded, *bench.now.without):
-        if name not in known:
-            entries.append({"name": name, "summary": summary(name), "probability": None, "numbers": []})
-    return [{"there": entry["name"] in there, "missing": False, "error": None} | entry for entry in entries]
+        blank = {"probability": None, "error": None, "numbers": [], "missing": False}
+        entries.setdefault(name, blank)
+    return [
+        {"name": name, "summary": summary(name), "there": name in there} | entry
+        for name, entry in entries.items()
+    ]
 
 
 def _said(key: str, estimate: FittedValue) -> str:
@@ -263,21 +246,15 @@ def _numbers(bench: Bench, wanted: Mapping[str, float]) -> list[dict[str, Any]]:
             continue
         low, high = _reach(parameter, before.get(path, value), value)
         given = before.get(path)
-        rows.append(
-            {
-                "path": path,
-                "unit": _unit(path),
-                "value": f"{value:.5g}",
-                "least": parameter.low if math.isfinite(parameter.low) else "",
-                "most": parameter.high if math.isfinite(parameter.high) else None,
-                "low": low,
-                "high": high,
-                "step": float(f"{(high - low) / 400:.1g}"),
-                "before": number(given),
-                "change": f"{value / given - 1:+.1%}" if given and value != given else "",
-                "by_hand": path in bench.now.numbers or path in wanted,
-            }
-        )
+        row: dict[str, Any] = {"path": path, "unit": _unit(path), "low": low, "high": high}
+        row["value"] = f"{value:.5g}"
+        row["least"] = parameter.low if math.isfinite(parameter.low) else ""
+        row["most"] = parameter.high if math.isfinite(parameter.high) else None
+        row["step"] = float(f"{(high - low) / 400:.1g}")
+        row["before"] = number(given)
+        row["change"] = f"{value / given - 1:+.1%}" if given and value != given else ""
+        row["by_hand"] = path in bench.now.numbers or path in wanted
+        rows.append(row)
     return rows
 
 

@@ -1,12 +1,23 @@
-"""Curves and maps as the page draws them: measured and modelled values, no pictures."""
+"""Curves and maps as the page draws them, of views and of a picture of the user's own: values, no drawings."""
 
 import base64
+import hashlib
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
+from visaug.augment import SensorNoise
+from visaug.augment.files import add_noise
+from visaug.augment.image_io import Picture, read_picture
+from visaug.augment.preview import middle
+from visaug.camera import Camera
+from visaug.core.errors import naming
 from visaug.core.wording import label_text
+from visaug.frames.limits import lower_limit
 from visaug.statistics.view import ViewPlot
 
 LARGEST_MAP = 640  # pixels on a side; a larger map is sent as means of squares
@@ -14,17 +25,9 @@ LARGEST_MAP = 640  # pixels on a side; a larger map is sent as means of squares
 
 def view_data(title: str, measured: ViewPlot, modelled: ViewPlot | None) -> dict[str, Any]:
     """A view of the measured and of the modelled frames."""
-    content: dict[str, Any] = {
-        "title": title,
-        "names": ["measured", "modelled"],
-        "x_label": measured.x_label,
-        "y_label": measured.y_label,
-        "log_x": measured.log_x,
-        "log_y": measured.log_y,
-        "marks": [list(span) for span in measured.marks],
-        "curves": [],
-        "maps": [],
-    }
+    content: dict[str, Any] = {"title": title, "names": ["measured", "modelled"], "curves": [], "maps": []}
+    content |= {name: getattr(measured, name) for name in ("x_label", "y_label", "log_x", "log_y")}
+    content["marks"] = [list(span) for span in measured.marks]
     beside = modelled or measured
     for i, curve in enumerate(measured.curves):
         other = beside.curves[i] if i < len(beside.curves) else curve
@@ -41,15 +44,10 @@ def map_data(title: str, first: np.ndarray, second: np.ndarray) -> dict[str, Any
     """
     step = -(-max(first.shape[:2]) // LARGEST_MAP)
     arrays = [_reduced(np.asarray(a, np.float32), step) for a in (first, second)]
-    height, width = arrays[0].shape[:2]
-    return {
-        "title": title,
-        "height": height,
-        "width": width,
-        "channels": arrays[0].shape[2] if arrays[0].ndim == 3 else 1,
-        "step": step,
-        "values": [base64.b64encode(a.astype("<f4").tobytes()).decode() for a in arrays],
-    }
+    height, width, channels = (*arrays[0].shape, 1)[:3]
+    values = [base64.b64encode(a.astype("<f4").tobytes()).decode() for a in arrays]
+    size = {"height": height, "width": width, "channels": channels, "step": step}
+    return {"title": title, **size, "values": values}
 
 
 def _aligned(label: str, measured: tuple[Any, Any], modelled: tuple[Any, Any]) -> dict[str, Any]:
@@ -77,3 +75,66 @@ def _reduced(image: np.ndarray, step: int) -> np.ndarray:
     counts = [np.minimum(step, n - e) for e, n in zip(edges, image.shape[:2], strict=True)]
     area = np.outer(*counts).astype(np.float32)
     return sums / (area[..., None] if image.ndim == 3 else area)
+
+
+@dataclass(frozen=True)
+class OwnPicture:
+    """A picture that was uploaded.
+
+    Attributes:
+        name: of its file.
+        picture: its pixels.
+        key: another for every content.
+    """
+
+    name: str
+    picture: Picture
+    key: str
+
+    @classmethod
+    def read(cls, name: str, content: bytes) -> "OwnPicture":
+        """Reads a picture of any format that `visaug augment` takes; the suffix of the name tells which.
+
+        Raises:
+            InputError: another format, a damaged picture, or one of too many pixels.
+        """
+        name = Path(name).name
+        with TemporaryDirectory(prefix="visaug-lab-") as folder:
+            path = Path(folder) / f"picture{Path(name).suffix.lower()}"
+            path.write_bytes(content)
+            # Noise on so many takes some seconds and 2 GB.
+            most, expected = 16_000_000, "at most 16 million; `visaug augment` takes larger pictures"
+            with naming(name), lower_limit(most, expected):
+                picture = read_picture(path)
+        return cls(name, picture, hashlib.blake2b(content, digest_size=8).hexdigest())
+
+    def through(self, camera: Camera, seed: int, exposure: float = 1.0) -> dict[str, Any]:
+        """The middle of the picture before and after a camera, pixel by pixel, in the picture's own values.
+
+        The camera takes the whole picture; the same seed gives the same noise.
+
+        Args:
+            exposure: fraction of the saturation exposure, from 1e-6 to 1; the result is as bright as the picture.
+        """
+        noise = SensorNoise(camera, exposure=exposure)
+        with naming(self.name):
+            taken = add_noise(self.picture, noise, seed)
+        window = middle(self.picture, LARGEST_MAP, LARGEST_MAP)
+        before, after = (
+            p.pixels[window][..., 0 if p.colours == 1 else slice(p.colours)] for p in (self.picture, taken)
+        )
+        height, width = self.picture.pixels.shape[:2]
+        whole = before.shape[:2] == (height, width)
+        part = "" if whole else f", the middle of {height} x {width} pixels"
+        kind = "sRGB" if self.picture.transfer == "srgb" else "linear in light"
+        dtype = self.picture.pixels.dtype
+        white = 1.0 if dtype.kind == "f" else float(np.iinfo(dtype).max)
+        return {
+            "title": f"{self.name}{part}; taken for {kind} ({self.picture.reason})",
+            "names": ["before", "after"],
+            "y_label": f"{white:g} is white",
+            "white": white,
+            "is_light": dtype.kind == "f",
+            "curves": [],
+            "maps": [map_data(self.name, before, after)],
+        }

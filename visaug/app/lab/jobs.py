@@ -50,15 +50,9 @@ class _Job:
         self.step = (description, done, total)
 
     def as_json(self) -> dict[str, Any]:
-        description, done, total = self.step
-        return {
-            "title": self.title,
-            "step": description,
-            "done": done,
-            "total": total,
-            "seconds": time.monotonic() - self.began,
-            "phases": [{"name": p.name, "seconds": p.ended - p.began} for p in self.phases[:-1]],
-        }
+        step = dict(zip(("step", "done", "total"), self.step, strict=True))
+        phases = [{"name": p.name, "seconds": p.ended - p.began} for p in self.phases[:-1]]
+        return {"title": self.title, **step, "seconds": time.monotonic() - self.began, "phases": phases}
 
 
 class JobQueue:
@@ -95,9 +89,8 @@ class JobQueue:
             self._waiting = [other for other in self._waiting if other.title not in instead_of]
             if self._now and self._now.title in instead_of:
                 self._now.stopped = self._now.replaced = True
-            if any(
-                title == other.title for other in (self._now, *self._waiting) if other and not other.replaced
-            ):
+            there = [other for other in (self._now, *self._waiting) if other and not other.replaced]
+            if title in [other.title for other in there]:
                 raise InputError(f"{title} is under way already")
             self._waiting.append(job)
             self.message = None
@@ -125,13 +118,9 @@ class JobQueue:
 
     def as_json(self) -> dict[str, Any]:
         with self._lock:
-            return {
-                "version": self.version,
-                "message": self.message,
-                "failed": self.failed,
-                "job": self._now.as_json() if self._now else None,
-                "waiting": [job.title for job in self._waiting],
-            }
+            said = {"version": self.version, "message": self.message, "failed": self.failed}
+            job = self._now.as_json() if self._now else None
+            return {**said, "job": job, "waiting": [waiting.title for waiting in self._waiting]}
 
     def _run(self, job: _Job) -> None:
         with self._lock:

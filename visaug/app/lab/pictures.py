@@ -9,16 +9,14 @@ from threading import RLock
 from typing import Any
 
 from visaug.app.lab.bench import Bench
-from visaug.app.lab.data import map_data, view_data
-from visaug.app.lab.own_picture import OwnPicture
+from visaug.app.lab.data import OwnPicture, map_data, view_data
 from visaug.camera import Camera
 from visaug.core.errors import InputError
 from visaug.core.wording import frames_text
 from visaug.frames import FrameSet
-from visaug.report.html import Figure, Page, Text, figure, render
+from visaug.report.html import Figure, Page, Text, figure, footer, render
 from visaug.report.pages import described, diagnosis_sections, write_comparison, write_diagnosis
 from visaug.report.plots.error import plot_error_steps
-from visaug.report.provenance import footer
 from visaug.report.views import ViewGallery
 from visaug.statistics.conditions import labels
 
@@ -71,9 +69,10 @@ class ViewPlots:
         choices = {g.indices[0]: frames_text(word) for g, word in zip(groups, words, strict=True)}
         title = choices.get(index, f"frame {index}")
         shown = map_data(title, *(frames.read(index) for frames in gallery.sets))
+        names = ["measured", "modelled"]
         return {
             "title": title,
-            "names": ["measured", "modelled"],
+            "names": names,
             "y_label": "DN",
             "curves": [],
             "maps": [shown],
@@ -126,14 +125,12 @@ class ViewPlots:
             return path.read_text(encoding="utf-8")
 
     def _by_hand(self, bench: Bench, verdict: str) -> Page:
-        sections = diagnosis_sections(
-            bench.to_json(), bench.given, bench.camera, self.frames, self.seed, bench.inputs()
-        )
+        cameras = bench.given, bench.camera
+        sections = diagnosis_sections(bench.to_json(), *cameras, self.frames, self.seed, bench.inputs())
         blocks = [Text(verdict, "finding"), *list(sections[0].blocks)[1:]]
         sections[0] = replace(sections[0], title="The current camera", blocks=blocks)
-        return Page(
-            "Diagnosis by hand",
-            f"{described(self.frames)} against {bench.given.name}, with effects added and taken away by hand.",
-            sections,
-            footer=footer(bench.given, self.frames, self.seed),
+        lead = (
+            f"{described(self.frames)} against {bench.given.name}, with effects added and taken away by hand."
         )
+        about = footer(bench.given, self.frames, self.seed)
+        return Page("Diagnosis by hand", lead, sections, footer=about)

@@ -23,9 +23,9 @@ from starlette.routing import Route
 from visaug import __version__
 from visaug.app.lab.bench import Bench
 from visaug.app.lab.content import content, verdict
+from visaug.app.lab.data import OwnPicture
 from visaug.app.lab.guard import Guard
 from visaug.app.lab.jobs import JobQueue
-from visaug.app.lab.own_picture import LARGEST_FILE, OwnPicture
 from visaug.app.lab.pictures import COMPARED, ViewPlots
 from visaug.core.errors import InputError
 from visaug.core.progress import Progress
@@ -34,7 +34,6 @@ from visaug.effects import catalogue
 from visaug.report.html import templates
 
 ADDRESS = "127.0.0.1"
-NAMES = [ADDRESS, "localhost"]  # a page elsewhere whose name was made to point here says another Host
 SCRIPTS = ("uplot.min", "plots", "lab")
 QUICK, FULL = "estimating the error", "computing the error"
 
@@ -70,15 +69,11 @@ def application(bench: Bench, token: str) -> Starlette:
         Route("/own/{picture}/{key}/{exposure:float}", lab.own_picture),
         Route("/back/{to:int}", lab.back, methods=["POST"]),
     ]
-    app = Starlette(
-        routes=routes,
-        lifespan=lifespan,
-        middleware=[
-            Middleware(TrustedHostMiddleware, allowed_hosts=NAMES, www_redirect=False),
-            Middleware(Guard, token=token),
-        ],
-        exception_handlers={ValueError: _refuse, OSError: _refuse},  # InputError is a ValueError
-    )
+    # A page elsewhere whose name was made to point here says another Host.
+    hosts = Middleware(TrustedHostMiddleware, allowed_hosts=[ADDRESS, "localhost"], www_redirect=False)
+    mistakes = {ValueError: _refuse, OSError: _refuse}  # InputError is a ValueError
+    guards = [hosts, Middleware(Guard, token=token)]
+    app = Starlette(routes=routes, lifespan=lifespan, middleware=guards, exception_handlers=mistakes)
     app.state.jobs, app.state.pictures = lab.jobs, lab.pictures
     return app
 
@@ -109,21 +104,14 @@ class _Lab:
         return HTMLResponse(self._render("bench.html"))
 
     def style(self, _: Request) -> Response:
-        text = "".join(
-            _text(*part)
-            for part in (
-                ("visaug.report", "page.css"),
-                ("visaug.app.lab", "uplot.min.css"),
-                ("visaug.app.lab", "lab.css"),
-            )
-        )
+        text = _text("page.css", "visaug.report") + _text("uplot.min.css") + _text("lab.css")
         return Response(text, media_type="text/css")
 
     def script(self, request: Request) -> Response:
         name = request.path_params["name"]
         if name not in SCRIPTS:
             return PlainTextResponse("no such script\n", 404)
-        return Response(_text("visaug.app.lab", f"{name}.js"), media_type="text/javascript")
+        return Response(_text(f"{name}.js"), media_type="text/javascript")
 
     def state(self, _: Request) -> Response:
         return _JSON(self.jobs.as_json())
@@ -140,10 +128,10 @@ class _Lab:
     async def take_picture(self, request: Request) -> Response:
         """A picture of the user's own, shown from now on."""
         name = request.path_params["name"]
-        body = await _body(request, name, "a picture", LARGEST_FILE)
+        body = await _body(request, name, "a picture", 60_000_000)
         self.bench.own_picture = await run_in_threadpool(OwnPicture.read, name, body)
         self.jobs.changed()
-        return _JSON(self.jobs.as_json())
+        return self.state(request)
 
     def own_picture(self, request: Request) -> Response:
         chosen, picture = request.path_params, self.bench.own_picture
@@ -204,7 +192,7 @@ class _Lab:
 
     def stop(self, _: Request) -> Response:
         self.jobs.stop()
-        return _JSON(self.jobs.as_json())
+        return self.state(_)
 
     def _ask(self, title: str, work: Callable, instead_of: tuple[str, ...] = ()) -> Response:
         self.jobs.ask(title, work, instead_of)
@@ -312,5 +300,5 @@ def _refuse(_: Request, mistake: Exception) -> Response:
     return _JSON({"error": " ".join(str(mistake).split())}, 400)
 
 
-def _text(package: str, name: str) -> str:
+def _text(name: str, package: str = "visaug.app.lab") -> str:
     return (resources.files(package) / "templates" / name).read_text(encoding="utf-8")

@@ -56,10 +56,8 @@ def write_picture(path: Path, picture: Picture) -> None:
     except Exception as error:  # encoders raise many kinds
         if isinstance(error, InputError) or getattr(error, "errno", None) is not None:  # a full disk
             raise
-        raise InputError(
-            f"cannot be written in the format of its suffix ({error})",
-            expected=f"a picture that {path.suffix} holds, or another suffix",
-        ) from None
+        problem = f"cannot be written in the format of its suffix ({error})"
+        raise InputError(problem, expected=f"a picture that {path.suffix} holds, or another suffix") from None
 
 
 def _format(path: Path) -> tuple[Reader, Writer]:

@@ -5,15 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from visaug.augment.image_io.picture import Picture, three_axes
-from visaug.augment.image_io.transfer import LINEAR
+from visaug.augment.image_io.picture import LINEAR, Picture, check_single, three_axes
 from visaug.core.errors import InputError
 from visaug.core.extras import extra
 from visaug.frames.limits import check_shape
-
-COLOURS = (("R", "G", "B"), ("Y",))
-ALPHA = "A"
-COMBINED = "Combined"  # Blender's layer of all light
 
 
 def read_npy(path: Path) -> Picture:
@@ -41,10 +36,7 @@ def read_exr(path: Path) -> Picture:
     """Colour (R, G, B) or luminance (Y) with alpha; other channels are carried over."""
     exr = _openexr(path)
     with exr.File(str(path), separate_channels=True) as file:
-        if len(file.parts) != 1:
-            raise InputError(
-                f"holds {len(file.parts)} parts", file=path, expected="a single picture in a file"
-            )
+        check_single(len(file.parts), "parts", path)
         header = dict(file.header())
         (x0, y0), (x1, y1) = header["dataWindow"]
         check_shape((int(y1) - int(y0) + 1, int(x1) - int(x0) + 1), path)
@@ -60,25 +52,21 @@ def read_exr(path: Path) -> Picture:
 def _picture_channels(channels: list[str], path: Path) -> tuple[str, ...]:
     """Names of the channels of the picture: R, G, B or Y, alone or of one layer, `ViewLayer.Combined.R` as Blender has them.
 
-    Layers that end in `Combined` go before others, which hold parts of the light: diffuse, emission, shadow.
+    Layers that end in `Combined`, Blender's of all light, go before others, which hold parts: diffuse, emission, shadow.
     """
-    layers = dict.fromkeys(name.rpartition(".")[0] for name in channels)
-    found = [
-        tuple(f"{layer}.{name}" if layer else name for name in (*names, ALPHA))
-        for layer in layers
-        for names in COLOURS
-        if all((f"{layer}.{name}" if layer else name) in channels for name in names)
-    ]
+    found = []
+    for layer in dict.fromkeys(name.rpartition(".")[0] for name in channels):
+        for names in (("R", "G", "B", "A"), ("Y", "A")):
+            whole = tuple(f"{layer}.{name}" if layer else name for name in names)
+            if all(name in channels for name in whole[:-1]):
+                found.append(whole)
     plain = [names for names in found if "." not in names[0]]
-    combined = [names for names in found if names[0].split(".")[-2:-1] == [COMBINED]]
+    combined = [names for names in found if names[0].split(".")[-2:-1] == ["Combined"]]
     chosen = plain[:1] or combined or found
     if len(chosen) != 1:
         several = ", ".join(names[0] for names in chosen)
-        raise InputError(
-            f"holds several pictures ({several})" if chosen else f"holds the channels {', '.join(channels)}",
-            file=path,
-            expected="R, G and B, or Y, of one layer",
-        )
+        held = f"several pictures ({several})" if chosen else f"the channels {', '.join(channels)}"
+        raise InputError(f"holds {held}", file=path, expected="R, G and B, or Y, of one layer")
     return tuple(name for name in chosen[0] if name in channels)
 
 

@@ -3,15 +3,15 @@
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from visaug.augment.image_io.picture import Picture, three_axes
+from visaug.augment.image_io.picture import Hints, Picture, three_axes
 from visaug.augment.image_io.pillow import exif_space
-from visaug.augment.image_io.transfer import Hints, transfer_of
 from visaug.core.errors import InputError
 from visaug.core.extras import extra
 from visaug.frames.limits import check_shape, pillow_image
@@ -19,12 +19,8 @@ from visaug.frames.limits import check_shape, pillow_image
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 KORNIA_MODES = {1: "mono", 3: "rgb", 4: "rgba"}
 OF_THE_PIXELS = {b"sBIT", b"bKGD", b"tRNS"}  # right only while depth and colour type stay
-KEPT = {b"cHRM", b"cICP", b"cLLI", b"gAMA", b"iCCP", b"mDCV", b"sRGB", b"pHYs", b"eXIf"} | {
-    b"tEXt",
-    b"zTXt",
-    b"iTXt",
-    b"tIME",
-}
+KEPT = {b"cHRM", b"cICP", b"cLLI", b"gAMA", b"iCCP", b"mDCV", b"sRGB", b"pHYs", b"eXIf", b"tEXt", b"zTXt", b"iTXt",
+        b"tIME"}  # fmt: skip
 
 
 class ColourType(IntEnum):
@@ -50,15 +46,13 @@ def read_png(path: Path) -> Picture:
     same_kind = colour_type != ColourType.PALETTE and depth >= 8
     keep, key = None, None
     if same_kind and b"tRNS" in found:
-        values = np.frombuffer(found[b"tRNS"], ">u2")
-        key = tuple(int(value) for value in values)
+        key = tuple(np.frombuffer(found[b"tRNS"], ">u2").tolist())
         keep = (pixels[..., : len(key)] == np.array(key)).all(-1)
     names = KEPT | OF_THE_PIXELS if same_kind else KEPT
-    kept = [chunk for chunk in chunks if chunk[0] in names or _private(chunk[0])]
+    # Private chunks that are safe to copy when the pixels change (PNG, 5.4) have small letters but for the third.
+    kept = [c for c in chunks if c[0] in names or all(c[0][k : k + 1].islower() for k in (0, 1, 3))]
     extras: dict[str, Any] = {"png_chunks": kept, "palette": colour_type == ColourType.PALETTE}
-    colours = pixels.shape[2] - (pixels.shape[2] in (2, 4))
-    transfer, reason = transfer_of(_hints(found), pixels.dtype, colours)
-    return Picture(pixels, transfer, reason, keep, key, extras)
+    return Picture.encoded(pixels, _hints(found), keep=keep, key=key, extras=extras)
 
 
 def write_png(path: Path, picture: Picture) -> None:
@@ -67,9 +61,8 @@ def write_png(path: Path, picture: Picture) -> None:
         with extra(path):
             import kornia_rs.io
 
-        kornia_rs.io.write_image_png_u16(
-            str(path), np.ascontiguousarray(pixels), KORNIA_MODES[pixels.shape[2]]
-        )
+        mode = KORNIA_MODES[pixels.shape[2]]
+        kornia_rs.io.write_image_png_u16(str(path), np.ascontiguousarray(pixels), mode)
     else:
         from PIL import Image
 
@@ -83,9 +76,8 @@ def write_png(path: Path, picture: Picture) -> None:
 
 def _pixels(path: Path, size: tuple[int, int], depth: int, colour_type: int) -> np.ndarray:
     if depth == 16 and colour_type == ColourType.GRAY_ALPHA:
-        raise InputError(
-            "is a 16-bit gray PNG with alpha", file=path, expected="one without alpha, or in colour"
-        )
+        expected = "one without alpha, or in colour"
+        raise InputError("is a 16-bit gray PNG with alpha", file=path, expected=expected)
     in_colour = colour_type in (ColourType.COLOUR, ColourType.COLOUR_ALPHA)
     if depth == 16 and in_colour:  # Pillow would cut these to 8 bit
         with extra(path):
@@ -117,19 +109,11 @@ def _packed(name: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
 
 
-def _private(name: bytes) -> bool:
-    """Private chunks that are safe to copy when the pixels change (PNG, 5.4)."""
-    return name[0:1].islower() and name[1:2].islower() and name[3:4].islower()
-
-
 def _hints(found: dict[bytes, bytes]) -> Hints:
     icc = None
     if b"iCCP" in found:
-        packed = found[b"iCCP"].partition(b"\0")[2][1:]
-        try:
-            icc = zlib.decompressobj().decompress(packed, 1 << 24)
-        except zlib.error:
-            icc = None
+        with suppress(zlib.error):
+            icc = zlib.decompressobj().decompress(found[b"iCCP"].partition(b"\0")[2][1:], 1 << 24)
     gamma = struct.unpack(">I", found[b"gAMA"])[0] / 1e5 if len(found.get(b"gAMA", b"")) == 4 else None
     cicp = found[b"cICP"][1] if len(found.get(b"cICP", b"")) == 4 else None
     return Hints(icc, cicp, b"sRGB" in found, gamma, exif_space(found.get(b"eXIf")))

@@ -5,51 +5,36 @@ from typing import Any
 
 import numpy as np
 
-from visaug.augment.image_io.picture import Picture, three_axes
+from visaug.augment.image_io.picture import Hints, Picture, check_single, three_axes
 from visaug.augment.image_io.pillow import read_with_pillow
 from visaug.augment.image_io.png import KORNIA_MODES
-from visaug.augment.image_io.transfer import Hints, transfer_of
 from visaug.core.errors import InputError
 from visaug.core.extras import extra
-from visaug.frames.limits import check_shape
-from visaug.frames.tiff import opened
+from visaug.frames.limits import check_shape, opened_tiff
 
-RESOLUTION = (282, 283, 296)  # along x, along y, unit: the writer takes them apart from other tags
 # Tags that say how the pixels lie in the file, which the writer sets; and folders of tags, which hold places in the
 # old file. Every other tag is carried over.
 OF_THE_FILE = {
-    *(
-        *range(254, 260),
-        *range(262, 267),
-        273,
-        *range(277, 285),
-        *range(288, 294),
-        296,
-        317,
-        *range(320, 326),
-    ),
-    *(330, *range(338, 342), 347, *range(512, 533), 34665, 34853, 40965, 50838, 50839, 65535),
-}
+    *range(254, 260), *range(262, 267), 273, *range(277, 285), *range(288, 294), 296, 317, *range(320, 326), 330,
+    *range(338, 342), 347, *range(512, 533), 34665, 34853, 40965, 50838, 50839, 65535,
+}  # fmt: skip
 
 
 def read_tiff(path: Path) -> Picture:
     with extra(path):
         from tifffile import PHOTOMETRIC, TIFF
 
-    with opened(path) as file:
-        if len(file.pages) != 1:
-            raise InputError(
-                f"holds {len(file.pages)} pages", file=path, expected="a single picture in a file"
-            )
+    with opened_tiff(path) as file:
+        check_single(len(file.pages), "pages", path)
         page: Any = file.pages.first
         photometric = int(page.photometric)
         known = ("PALETTE", "MINISWHITE", "MINISBLACK", "RGB", "YCBCR")
         if photometric not in [PHOTOMETRIC[name] for name in known]:
-            raise InputError(
-                f"has colours of kind {page.photometric.name}", file=path, expected="gray or RGB"
-            )
+            problem = f"has colours of kind {page.photometric.name}"
+            raise InputError(problem, file=path, expected="gray or RGB")
         check_shape(page.shape, path)
-        resolution = [page.tags.get(code) for code in RESOLUTION]
+        # along x, along y, unit: the writer takes them apart from other tags
+        resolution = [page.tags.get(code) for code in (282, 283, 296)]
         extras: dict[str, Any] = {
             "resolution": [tag.value for tag in resolution] if all(resolution) else None,
             "compression": "zlib" if page.compression != 1 else None,
@@ -75,8 +60,7 @@ def read_tiff(path: Path) -> Picture:
     if extras["white_is_zero"]:
         pixels = _negative(pixels)
     hints = Hints(icc=None if icc is None else icc.value)
-    transfer, reason = transfer_of(hints, pixels.dtype, 3 if pixels.shape[2] >= 3 else 1)
-    return Picture(pixels, transfer, reason, keep, key, extras)
+    return Picture.encoded(pixels, hints, keep=keep, key=key, extras=extras)
 
 
 def write_tiff(path: Path, picture: Picture) -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,14 +19,15 @@ if TYPE_CHECKING:
 _POINT, _LINE, _SOFT, _THIRD = "#c2410c", "#0b5cad", "#7a8594", "#157f5b"
 
 
-def _new() -> tuple[Figure, Axes]:
+def _new(result: Characterization, curve: str) -> tuple[Mapping[str, np.ndarray], Figure, Axes]:
+    """The arrays of a curve, and an empty figure for them."""
     figure = blank(4.3, 2.25)  # inches: ten fill a page of A4
     axes = figure.subplots()
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color="#e6eaef", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.tick_params(which="both", labelsize=7.5)
-    return figure, axes
+    return result.curves[f"emva4_{curve}"], figure, axes
 
 
 def _finish(figure: Figure, axes: Axes, x: str, y: str) -> Figure:
@@ -39,15 +40,12 @@ def _finish(figure: Figure, axes: Axes, x: str, y: str) -> Figure:
 
 def sensitivity(result: Characterization) -> Figure:
     """Mean signal above dark against photons, with the standard's fit and its range."""
-    c = result.curves["emva4_sweep"]
-    figure, axes = _new()
+    c, figure, axes = _new(result, "sweep")
     photons, signal = c["photons"], c["mean_dn"] - c["dark_mean_dn"]
     last, top = int(c["last_fitted"][0]), int(c["saturation"][0])
     axes.plot(photons, signal, ".", color=_POINT, label="measured")
-    slope = result["emva4.responsivity_dn_per_photon"].value
-    axes.plot(
-        photons[[0, last]], slope * photons[[0, last]], color=_LINE, label=f"fit, {slope:.4g} DN/photon"
-    )
+    slope, ends = result["emva4.responsivity_dn_per_photon"].value, photons[[0, last]]
+    axes.plot(ends, slope * ends, color=_LINE, label=f"fit, {slope:.4g} DN/photon")
     if top >= 0:
         axes.axvline(photons[top], color=_SOFT, linestyle="--", linewidth=1, label="saturation")
     return _finish(figure, axes, "photons per pixel", "signal above dark (DN)")
@@ -55,8 +53,7 @@ def sensitivity(result: Characterization) -> Figure:
 
 def photon_transfer(result: Characterization) -> Figure:
     """Temporal variance against mean, both above dark, with the standard's fit."""
-    c = result.curves["emva4_sweep"]
-    figure, axes = _new()
+    c, figure, axes = _new(result, "sweep")
     signal, variance = c["mean_dn"] - c["dark_mean_dn"], c["variance_dn2"] - c["dark_variance_dn2"]
     last, top = int(c["last_fitted"][0]), int(c["saturation"][0])
     axes.plot(signal, variance, ".", color=_POINT, label="measured")
@@ -69,8 +66,7 @@ def photon_transfer(result: Characterization) -> Figure:
 
 def snr(result: Characterization) -> Figure:
     """Signal-to-noise ratio against photons: measured, by the linear model, with non-uniformity, and ideal."""
-    c = result.curves["emva4_sweep"]
-    figure, axes = _new()
+    c, figure, axes = _new(result, "sweep")
     photons = c["photons"]
     ratio = (c["mean_dn"] - c["dark_mean_dn"]) / np.sqrt(np.maximum(c["variance_dn2"], 1e-12))
     seen = (photons > 0) & (ratio > 0)
@@ -100,8 +96,7 @@ def snr(result: Characterization) -> Figure:
 
 def linearity(result: Characterization) -> Figure:
     """Relative deviation of the signal from the standard's line, between 5 and 95 % of saturation."""
-    c = result.curves["emva4_linearity"]
-    figure, axes = _new()
+    c, figure, axes = _new(result, "linearity")
     axes.plot(c["photons"], 100 * c["deviation"], ".-", color=_POINT, linewidth=0.8)
     axes.axhline(0, color=_LINE, linewidth=1)
     for name in ("min", "max"):
@@ -112,8 +107,7 @@ def linearity(result: Characterization) -> Figure:
 
 
 def _dark(which: str, label: str, result: Characterization) -> Figure:
-    c = result.curves["emva4_dark"]
-    figure, axes = _new()
+    c, figure, axes = _new(result, "dark")
     t, y = 1e3 * c["exposure_s"], c[which]
     axes.plot(t, y, ".", color=_POINT, label="measured")
     if len(np.unique(t)) > 2:
@@ -129,8 +123,7 @@ def _plain(value: float, _: float) -> str:
 
 
 def _spectrogram(direction: str, what: str, unit: str, result: Characterization) -> Figure:
-    c = result.curves[f"emva4_{what}"]
-    figure, axes = _new()
+    c, figure, axes = _new(result, what)
     frequency, amplitude = c[f"{direction}_frequency"][1:], c[f"{direction}_amplitude"][1:]
     axes.semilogy(frequency, np.maximum(amplitude, 1e-9), color=_POINT, linewidth=0.8, label="measured")
     axes.axhline(c["noise"][0], color=_SOFT, linestyle="--", linewidth=1, label="temporal noise left")
@@ -140,8 +133,7 @@ def _spectrogram(direction: str, what: str, unit: str, result: Characterization)
 
 
 def _profile(direction: str, what: str, unit: str, result: Characterization) -> Figure:
-    c = result.curves[f"emva4_{what}"]
-    figure, axes = _new()
+    c, figure, axes = _new(result, what)
     for key, colour, label in (
         ("most", _SOFT, "largest"),
         ("least", _THIRD, "smallest"),
@@ -153,8 +145,7 @@ def _profile(direction: str, what: str, unit: str, result: Characterization) -> 
 
 
 def _histogram(what: str, unit: str, result: Characterization) -> Figure:
-    c = result.curves[f"emva4_{what}"]
-    figure, axes = _new()
+    c, figure, axes = _new(result, what)
     x, count, normal = c["deviation"], c["count"], c["normal"]
     seen, likely = count > 0, normal > 0.3
     axes.semilogy(x[seen], count[seen], ".", color=_POINT, markersize=3, label="measured")
@@ -163,40 +154,36 @@ def _histogram(what: str, unit: str, result: Characterization) -> Figure:
 
 
 def _accumulated(what: str, unit: str, result: Characterization) -> Figure:
-    c = result.curves[f"emva4_{what}"]
-    figure, axes = _new()
+    c, figure, axes = _new(result, what)
     axes.semilogy(c["beyond"], c["percent_beyond"], color=_POINT)
     return _finish(figure, axes, f"deviation from the mean, at least ({unit})", "share of pixels (%)")
 
 
-# Title, what the figure shows, the curve and the parameters that it needs, the function.
-FIGURES: list[tuple[str, str | None, str, tuple[str, ...], Callable[[Characterization], Figure]]] = [
-    (title, draw.__doc__, curve, needs, draw)
-    for title, curve, needs, draw in (
-        ("Sensitivity", "emva4_sweep", ("emva4.responsivity_dn_per_photon",), sensitivity),
-        ("Photon transfer", "emva4_sweep", ("emva.system_gain_dn_per_e",), photon_transfer),
-        ("SNR", "emva4_sweep", ("emva.quantum_efficiency", "emva.dark_noise_dn"), snr),
-        ("Deviation from linearity", "emva4_linearity", (), linearity),
-    )
+_Drawing = Callable[["Characterization"], "Figure"]
+# Title, what the figure shows (None: as the function says), the curve and the parameters that it needs, the function.
+FIGURES: list[tuple[str, str | None, str, tuple[str, ...], _Drawing]] = [
+    ("Sensitivity", None, "emva4_sweep", ("emva4.responsivity_dn_per_photon",), sensitivity),
+    ("Photon transfer", None, "emva4_sweep", ("emva.system_gain_dn_per_e",), photon_transfer),
+    ("SNR", None, "emva4_sweep", ("emva.quantum_efficiency", "emva.dark_noise_dn"), snr),
+    ("Deviation from linearity", None, "emva4_linearity", (), linearity),
 ]
-for _way, _shown, _key, _label in (
-    ("mean", "Dark signal against exposure.", "mean_dn", "mean dark signal (DN)"),
-    ("variance", "Temporal variance of dark frames against exposure.", "variance_dn2", "dark variance (DN²)"),
+for _title, _shown, _draw in (
+    ("mean", "Dark signal", partial(_dark, "mean_dn", "mean dark signal (DN)")),
+    ("variance", "Temporal variance of dark frames", partial(_dark, "variance_dn2", "dark variance (DN²)")),
 ):
-    FIGURES.append((f"Dark current from the {_way}", _shown, "emva4_dark", (), partial(_dark, _key, _label)))
-_drawn: list[tuple[str, str, Callable[..., Any]]] = [
-    (f"{{}} {kind}, {way}", f"{way.capitalize()} {shown}.", partial(draw, way))
-    for kind, shown, draw in (
-        ("spectrogram", "spectrogram of the {}", _spectrogram),
-        ("profile", "profiles of the map that the {} is measured on", _profile),
-    )
-    for way in ("horizontal", "vertical")
-]
-_drawn += [
-    ("{} histogram", "Logarithmic histogram of the {}.", _histogram),
-    ("{} histogram, accumulated", "Accumulated logarithmic histogram of the {}.", _accumulated),
-]
-for _title, _shown, _draw in _drawn:
-    for _what, _unit in (("dsnu", "e-"), ("prnu", "%")):
-        _name, _made = _what.upper(), partial(_draw, _what, _unit)
-        FIGURES.append((_title.format(_name), _shown.format(_name), f"emva4_{_what}", (), _made))
+    _shown = f"{_shown} against exposure."
+    FIGURES.append((f"Dark current from the {_title}", _shown, "emva4_dark", (), _draw))
+_profiles = "{} profiles of the map that the {{}} is measured on."
+for _title, _shown, _draw in (
+    ("spectrogram, horizontal", "Horizontal spectrogram of the {}.", partial(_spectrogram, "horizontal")),
+    ("spectrogram, vertical", "Vertical spectrogram of the {}.", partial(_spectrogram, "vertical")),
+    ("profile, horizontal", _profiles.format("Horizontal"), partial(_profile, "horizontal")),
+    ("profile, vertical", _profiles.format("Vertical"), partial(_profile, "vertical")),
+    ("histogram", "Logarithmic histogram of the {}.", _histogram),
+    ("histogram, accumulated", "Accumulated logarithmic histogram of the {}.", _accumulated),
+):
+    for _what, _unit in (("DSNU", "e-"), ("PRNU", "%")):
+        _key = _what.lower()
+        FIGURES.append(
+            (f"{_what} {_title}", _shown.format(_what), f"emva4_{_key}", (), partial(_draw, _key, _unit))
+        )

@@ -37,21 +37,13 @@ def plot_error_steps(
         for i, value in enumerate(y):
             axes.annotate(f"{value:.2f}", (i, value), textcoords="offset points", xytext=(9, 5), fontsize=9)
         if floor is not None:
-            axes.axhline(
-                floor,
-                color=MODELLED,
-                linestyle="--",
-                linewidth=1.2,
-                label="floor: a second camera of the same type",
-            )
+            label = "floor: a second camera of the same type"
+            axes.axhline(floor, color=MODELLED, linestyle="--", linewidth=1.2, label=label)
         axes.axhline(0, color=SOFT, linewidth=0.8)
         axes.set_xticks(list(x), [wrapped(point["action"]) for point in points])
         axes.set_xlim(-0.35, len(points) - 0.5)
-        top = max([1.0, *y])
-        axes.set_ylim(
-            min(-0.08, *(point["interval"][0] for point in points if point.get("interval")), 0) - 0.02,
-            top * 1.15,
-        )
+        lows = [point["interval"][0] for point in points if point.get("interval")]
+        axes.set_ylim(min(-0.08, *lows, 0) - 0.02, max([1.0, *y]) * 1.15)
         axes.set_ylabel("error (1: camera as given, 0: floor)")
         axes.grid(axis="x", visible=False)
         figure.legend(loc="outside upper left", ncols=2, fontsize=8.5)
@@ -68,15 +60,10 @@ def plot_ranking(ranking: Sequence[Mapping[str, Any]]) -> "Figure":
         colours = [MODELLED if entry.get("probability", 0) >= 0.5 else "#b9c6d6" for entry in shown]
         axes.barh(range(len(shown)), values, color=colours, height=0.66)
         axes.set_yticks(range(len(shown)), [entry["effect"] for entry in shown])
+        beside = {"textcoords": "offset points", "xytext": (5, -3), "fontsize": 8.5, "color": SOFT}
         for i, entry in enumerate(shown):
-            axes.annotate(
-                f"probability {probability_text(entry['probability'])}",
-                (max(values[i], 0), i),
-                textcoords="offset points",
-                xytext=(5, -3),
-                fontsize=8.5,
-                color=SOFT,
-            )
+            said = f"probability {probability_text(entry['probability'])}"
+            axes.annotate(said, (max(values[i], 0), i), **beside)
         axes.set_xlim(min(0, *values) if values else 0, max([1.0, *values]) * 1.12)
         axes.set_xlabel("misfit explained by adding the effect and refitting (1: as good as a second camera)")
         axes.grid(axis="y", visible=False)

@@ -9,12 +9,10 @@ import numpy as np
 from visaug.report.plots.style import MEASURED, MODELLED, blank, styled
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from visaug.inspection import Finding
-
-_SIZE = (8.0, 2.7)  # inches
-_CODES = 60  # codes on either side of the most frequent one
 
 
 def plot_finding(finding: Finding) -> Figure | None:
@@ -38,10 +36,14 @@ def plot_finding(finding: Finding) -> Figure | None:
     return None
 
 
+def _two() -> tuple[Figure, Axes, Axes]:
+    figure = blank(8.0, 2.7)
+    return figure, *figure.subplots(1, 2)
+
+
 def _lines(finding: Finding, lines: Any) -> Figure:
     """Left the means of the lines, right their spectrum."""
-    figure = blank(*_SIZE)
-    left, right = figure.subplots(1, 2)
+    figure, left, right = _two()
     means = lines.look.data.frames.mean(2, dtype=np.float64)
     profiles = means - means.mean(1, keepdims=True)
     if finding.kind == "per_frame":
@@ -74,8 +76,7 @@ def _lines(finding: Finding, lines: Any) -> Figure:
 
 def _defects(finding: Finding) -> Figure:
     """Places on the sensor, and the strongest one: its neighbourhood, or its values from frame to frame."""
-    figure = blank(*_SIZE)
-    left, right = figure.subplots(1, 2)
+    figure, left, right = _two()
     rows, columns = np.nonzero(finding.shown["where"])
     left.scatter(columns, rows, s=14, facecolors="none", edgecolors=MEASURED)
     height, width = finding.shown["where"].shape
@@ -119,8 +120,8 @@ def _drift(means: np.ndarray) -> Figure:
 def _codes(counts: np.ndarray) -> Figure:
     figure = blank(4.6, 2.7)
     axes = figure.subplots()
-    top = int(np.argmax(counts))
-    codes = np.arange(max(top - _CODES, 0), min(top + _CODES, len(counts)))
+    top, reach = int(np.argmax(counts)), 60  # codes on either side of the most frequent one
+    codes = np.arange(max(top - reach, 0), min(top + reach, len(counts)))
     axes.vlines(codes, 0.5, np.maximum(counts[codes], 0.5), color=MEASURED, linewidth=1.5)
     axes.set(xlabel="code / DN", ylabel="pixels", yscale="log", ylim=(0.5, None))
     return figure
@@ -128,8 +129,7 @@ def _codes(counts: np.ndarray) -> Figure:
 
 def _sharing(finding: Finding) -> Figure:
     """Autocorrelation of the noise of one frame, and a part of it."""
-    figure = blank(*_SIZE)
-    left, right = figure.subplots(1, 2)
+    figure, left, right = _two()
     noise = finding.shown["noise"].astype(np.float64)
     part = noise[:48, :64]
     left.imshow(part, vmin=np.percentile(part, 1), vmax=np.percentile(part, 99))
@@ -140,13 +140,9 @@ def _sharing(finding: Finding) -> Figure:
     r, c = shared.shape[0] // 2, shared.shape[1] // 2
     lags = 6  # px, of an autocorrelation
     reach = lags + 0.5
-    drawn = right.imshow(
-        shared[r - lags : r + lags + 1, c - lags : c + lags + 1],
-        cmap="RdBu_r",
-        vmin=-0.6,
-        vmax=0.6,
-        extent=(-reach, reach, reach, -reach),
-    )
+    near = shared[r - lags : r + lags + 1, c - lags : c + lags + 1]
+    extent = (-reach, reach, reach, -reach)
+    drawn = right.imshow(near, cmap="RdBu_r", vmin=-0.6, vmax=0.6, extent=extent)
     right.set(title="autocorrelation", xlabel="columns apart", ylabel="rows apart")
     for axes in (left, right):
         axes.grid(False)

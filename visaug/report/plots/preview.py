@@ -11,10 +11,6 @@ if TYPE_CHECKING:
     import numpy as np
     from matplotlib.figure import Figure
 
-DPI = 100
-# pixels: title; between crops; above for name and conditions, below for the noise
-TITLE, GAP, HEAD, FOOT = 52, 16, 40, 40
-
 
 def plot_preview(title: str, given: "np.ndarray", samples: Sequence[NoiseSample]) -> "Figure":
     """Crops at 1:1, a part of each at 4x, and the noise's standard deviation at five levels.
@@ -30,6 +26,9 @@ def plot_preview(title: str, given: "np.ndarray", samples: Sequence[NoiseSample]
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
+    dpi = 100
+    # pixels: title; between crops; above for name and conditions, below for the noise
+    head_of_all, gap, head, foot = 52, 16, 40, 40
     zoom, part_rows, part_columns = 4, 45, 80  # of the magnified part
     part = liveliest(given, part_rows, part_columns)
     height, width = given.shape[:2]
@@ -37,26 +36,26 @@ def plot_preview(title: str, given: "np.ndarray", samples: Sequence[NoiseSample]
     cell = max(width, zoom * part_columns, 330)
     columns = 2 if len(samples) == 3 else min(3, len(samples) + 1)
     rows = -(-(len(samples) + 1) // columns)
-    tile = HEAD + height + GAP // 2 + low + FOOT + GAP
-    wide, high = GAP + columns * (cell + GAP), TITLE + rows * tile
+    tile = head + height + gap // 2 + low + foot + gap
+    wide, high = gap + columns * (cell + gap), head_of_all + rows * tile
     with styled():
-        figure = Figure(figsize=(wide / DPI, high / DPI), dpi=DPI)
+        figure = Figure(figsize=(wide / dpi, high / dpi), dpi=dpi)
         FigureCanvasAgg(figure)
 
         def write(x: int, y: int, text: str, size: float, family: str = "DejaVu Sans") -> None:
             figure.text(x / wide, 1 - y / high, text, fontsize=size, family=family)
 
         for line, text in enumerate(title.splitlines()):
-            write(GAP, 20 + 17 * line, plain(text), 9.5)
+            write(gap, 20 + 17 * line, plain(text), 9.5)
         tiles = [NoiseSample("as given", given, ()), *samples]
         for number, one in enumerate(tiles):
-            left = GAP + number % columns * (cell + GAP)
-            top = TITLE + number // columns * tile + HEAD
+            left = gap + number % columns * (cell + gap)
+            top = head_of_all + number // columns * tile + head
             write(left, top - 22, plain(one.name), 9)
             write(left, top - 7, plain(one.conditions), 8)
             figure.figimage(one.crop, left, high - top - height)
             magnified = one.crop[part].repeat(zoom, 0).repeat(zoom, 1)
-            below = top + height + GAP // 2 + low
+            below = top + height + gap // 2 + low
             figure.figimage(magnified, left, high - below)
             if one.sigma:
                 levels = "   ".join(f"{level:>5d}" for level in LEVELS)

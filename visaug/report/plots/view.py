@@ -1,6 +1,7 @@
-"""A view of the fingerprint: measured and modelled in the same axes."""
+"""A view of the frames, measured and modelled in the same axes; and which part of the sensor a comparison looked at."""
 
 import textwrap
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
 
 _LINES = ("-", "--", ":", "-.")
 _MARKERS = ("o", "s", "^", "D")
-APART = 4.0  # ratio of ranges from which curves get axes of their own
 GIVEN, CORRECTED = "camera as given", "corrected camera"
 
 
@@ -33,13 +33,12 @@ def plot_view(
     if measured.maps:
         return _plot_maps(measured, modelled, after)
     panels = _panels(measured, focus)
+    alone = len(panels) > 1 or len(measured.curves) == 1
     with styled():
         figure = blank(8.0 if len(panels) > 1 else 4.7, 3.5)
         grid = figure.subplots(1, len(panels), squeeze=False)[0]
         for axes, chosen in zip(grid, panels, strict=True):
-            _draw_panel(
-                axes, measured, modelled, after, chosen, alone=len(panels) > 1 or len(measured.curves) == 1
-            )
+            _draw_panel(axes, measured, modelled, after, chosen, alone)
         grid[0].set_ylabel(textwrap.fill(measured.y_label, 28))
         _legend(figure, grid[0], len(measured.curves) if len(panels) == 1 else 1)
     return figure
@@ -49,16 +48,12 @@ def _panels(picture: "ViewPlot", focus: str) -> list[list[int]]:
     """Which curves share axes: all of them, or each alone where one would hide another."""
     curves = picture.curves
     spans = [float(np.ptp(np.asarray(c.y, float)[np.isfinite(c.y)])) if len(c.y) else 0.0 for c in curves]
-    apart = not picture.log_y and 1 < len(curves) <= 3 and max(spans) > APART * max(min(spans), 1e-12)
+    farther = 4.0  # ratio of ranges from which curves get axes of their own
+    apart = not picture.log_y and 1 < len(curves) <= 3 and max(spans) > farther * max(min(spans), 1e-12)
     if not apart:
         return [list(range(len(curves)))]
-    words = set(focus.replace(",", " ").split())
-    return [
-        [i]
-        for i in sorted(
-            range(len(curves)), key=lambda i: -len(words & set(curves[i].label.replace(",", " ").split()))
-        )
-    ]
+    said, *labels = ({*text.replace(",", " ").split()} for text in (focus, *(c.label for c in curves)))
+    return [[i] for i in sorted(range(len(curves)), key=lambda i: -len(said & labels[i]))]
 
 
 def _draw_panel(
@@ -74,13 +69,11 @@ def _draw_panel(
             axes.axvspan(low, high, color=SOFT, alpha=0.16, linewidth=0)
         else:
             axes.axvline(low, color=SOFT, linestyle=":", linewidth=1.2)
-    # Measured last, so that it lies on top.
-    pictures = (
+    for picture, colour, name in (
         (modelled, MODELLED, "modelled" if after is None else GIVEN),
         (after, THIRD, CORRECTED),
-        (measured, MEASURED, "measured"),
-    )
-    for picture, colour, name in pictures:
+        (measured, MEASURED, "measured"),  # last, so that it lies on top
+    ):
         if picture is not None:
             _draw_curves(axes, picture, colour, name, chosen, alone)
     if measured.log_x:
@@ -101,14 +94,10 @@ def plain_decades(axis: Any) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
     low, high = axis.get_view_interval()
-    plain = FuncFormatter(lambda value, _: f"{value:g}")
-    if high < 4 * low:  # hardly a tick at 1, 2 or 5: as on a linear axis
-        axis.set_major_locator(MaxNLocator(4))
-        axis.set_major_formatter(plain)
-        axis.set_minor_locator(NullLocator())
-    elif high < 100 * low:
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axis.set_major_formatter(plain)
+    if high < 100 * low:
+        few = high < 4 * low  # hardly a tick at 1, 2 or 5: as on a linear axis
+        axis.set_major_locator(MaxNLocator(4) if few else LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_locator(NullLocator())
     else:
         axis.set_minor_formatter(NullFormatter())
@@ -185,19 +174,41 @@ def _plot_maps(measured: "ViewPlot", modelled: "ViewPlot | None", after: "ViewPl
                 axes.set(xticks=[], yticks=[])
                 axes.spines[:].set_visible(False)
                 axes.set_title(name, fontsize=9)
-                if measured.box is not None:
-                    _mark(axes, measured.box, maps[row].shape)
+                if measured.box is not None:  # a part of the map, which is framed
+                    height, width = maps[row].shape
+                    top, bottom = (height * part for part in measured.box[:2])
+                    left, right = (width * part for part in measured.box[2:])
+                    place = (left - 0.5, top - 0.5, right - left, bottom - top)
+                    axes.add_patch(_box(*place, MEASURED, fill=False, linewidth=1.8))
             label = textwrap.fill(label_text(measured.maps[row][0]), 34)
             figure.colorbar(drawn[0], ax=list(line), label=label, shrink=0.8, pad=0.02)
     return figure
 
 
-def _mark(axes: Any, box: tuple[float, float, float, float], shape: tuple[int, ...]) -> None:
-    """A frame around a part of a map."""
+def plot_used(used: Mapping[str, Any]) -> "Figure":
+    """The sensor with the windows in which temporal statistics were measured.
+
+    Args:
+        used: as `compare --json` and `diagnose --json` hold it; windows are rows and columns r0, r1, c0, c1.
+    """
+    with styled():
+        figure = blank(4.7, 3.8)
+        axes = figure.subplots()
+        windows = [(used["frame"], MODELLED, f"{used['full_frames']} full frames")]
+        others = [window for window in used["windows"] if window != used["frame"]]
+        windows += [(w, MEASURED, None if k else "window of all frames used") for k, w in enumerate(others)]
+        for (r0, r1, c0, c1), colour, label in windows:
+            look = {"facecolor": colour, "alpha": 0.25, "label": label}
+            axes.add_patch(_box(c0, r0, c1 - c0, r1 - r0, colour, **look))
+        top, bottom, left, right = used["frame"]
+        axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", xlabel="column, px")
+        axes.set_ylabel("row, px")
+        axes.grid(False)
+        figure.legend(loc="outside lower center", ncols=2)
+    return figure
+
+
+def _box(x: float, y: float, width: float, height: float, colour: str, **look: Any):
     from matplotlib.patches import Rectangle
 
-    top, bottom, left, right = (x * n for x, n in zip(box, (*shape[:1] * 2, *shape[1:] * 2), strict=True))
-    corner = (left - 0.5, top - 0.5)
-    axes.add_patch(
-        Rectangle(corner, right - left, bottom - top, fill=False, edgecolor=MEASURED, linewidth=1.8)
-    )
+    return Rectangle((x, y), width, height, edgecolor=colour, **look)
