@@ -316,6 +316,21 @@ def test_albumentations_writes_itself_to_json_and_comes_back():
     )
 
 
+def test_albumentations_restores_a_camera_with_measured_maps_from_another_folder(tmp_path, monkeypatch):
+    albumentations = pytest.importorskip("albumentations")
+    folder = tmp_path / "measured"
+    folder.mkdir()
+    np.save(folder / "dark.npy", np.full((24, 32), 5.0, np.float32))
+    content = {"name": "m", "resolution": [24, 32], "gain_e_per_dn": 0.3, "dsnu": {"map": "dark.npy"}}
+    (folder / "camera.yaml").write_text(json.dumps(content))
+    made = AlbumentationsNoise(folder / "camera.yaml")
+    monkeypatch.chdir(tmp_path)
+    np.save("dark.npy", np.full((24, 32), 500.0, np.float32))  # of another camera
+    restored = albumentations.from_dict(json.loads(json.dumps(albumentations.to_dict(made))))
+    (before,), (after,) = made.noise.noise.cameras, restored.noise.noise.cameras
+    assert torch.equal(after.maps["dsnu"], before.maps["dsnu"])
+
+
 class AlbumentedFlats(Dataset):
     def __init__(self):
         import albumentations

@@ -58,6 +58,16 @@ def test_shape_and_type_are_kept(dtype, channels, fast):
     assert not torch.equal(noisy, images)
 
 
+@pytest.mark.parametrize("effect", [None, "point_spread", "jpeg", "sharpening"])
+def test_autocast_does_not_change_the_noise(effect):
+    seen = camera() if effect is None else camera().with_effect(effect)
+    noise, images = SensorNoise(seen), torch.rand(2, 1, 24, 32)
+    draws = noise.draw(2)
+    with torch.autocast("cpu", torch.bfloat16):
+        within = noise.apply_draws(images, draws)
+    assert torch.equal(within, noise.apply_draws(images, draws))
+
+
 def test_single_image_keeps_its_axes():
     image = eight_bit(1, 20, 30)
     assert VISNoise(camera())(image).shape == (1, 20, 30)

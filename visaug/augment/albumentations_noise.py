@@ -15,6 +15,7 @@ from visaug.augment.images import ImageNoise, channel_order, probability
 from visaug.augment.sensor_noise import SensorNoise, Source
 from visaug.augment.under_ultralytics import hook
 from visaug.camera import Camera
+from visaug.camera.maps import named_maps, set_map
 from visaug.core.sampling import derive_key
 
 
@@ -112,12 +113,16 @@ def arrive(trainer: Any) -> None:
 
 
 def _plain(camera: Source) -> str | dict[str, Any]:
-    """A camera as JSON takes it: a name stays one, everything else becomes the content of its file."""
+    """A camera as JSON takes it: a name stays one, everything else becomes the content of its file, with whole paths of maps."""
     if isinstance(camera, str) and not Path(camera).is_file():
         return camera
     if isinstance(camera, Mapping):
         return dict(camera)
-    return Camera.load(camera).to_dict()
+    loaded = Camera.load(camera)
+    content = loaded.to_dict()
+    for name, key in named_maps(loaded.spec).values():
+        set_map(content, key, str(((loaded.folder or Path()) / name).absolute()))
+    return content
 
 
 def _signature() -> inspect.Signature:

@@ -230,7 +230,9 @@ class SensorNoise(nn.Module):
         light = images[:, :lit].float()
         light = srgb_to_linear(light) if encoded else light
         groups = self._groups(draws)
-        pictures = [self._picture(camera, light[here], own, encoded) for camera, here, own in groups]
+        # in float32 also within autocast, whose half precision is coarser than the noise
+        with torch.autocast(images.device.type, enabled=False):
+            pictures = [self._picture(camera, light[here], own, encoded) for camera, here, own in groups]
         if len(pictures) == 1:
             noisy = pictures[0].to(images.dtype)
         else:
