@@ -1,7 +1,5 @@
 """One function, one figure: what a characterization rests on."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
@@ -32,12 +30,12 @@ def _figure(width: float = 6.4, height: float = 4.0, columns: int = 1):
     return figure, axes
 
 
-def _legend(figure: Figure) -> None:
+def _legend(figure: "Figure") -> None:
     """Above the axes, so that it covers no data."""
     figure.legend(loc="outside upper left", ncols=3, frameon=False, fontsize=9)
 
 
-def photon_transfer(result: Characterization) -> Figure:
+def photon_transfer(result: "Characterization") -> "Figure":
     """Temporal variance against mean signal, both above dark, with the gain's line; without saturated flats."""
     c = result.curves["photon_transfer"]
     figure, axes = _figure()
@@ -54,7 +52,7 @@ def photon_transfer(result: Characterization) -> Figure:
     return figure
 
 
-def linearity(result: Characterization) -> Figure:
+def linearity(result: "Characterization") -> "Figure":
     """Relative deviation of the mean signal from a straight line in photons."""
     c = result.curves["linearity"]
     figure, axes = _figure()
@@ -64,7 +62,7 @@ def linearity(result: Characterization) -> Figure:
     return figure
 
 
-def read_noise(result: Characterization) -> Figure:
+def read_noise(result: "Characterization") -> "Figure":
     """Histogram of the residuals of bias frames with the fitted law, tails on a logarithmic axis."""
     c = result.curves["read_noise"]
     figure, axes = _figure()
@@ -84,7 +82,7 @@ def read_noise(result: Characterization) -> Figure:
     return figure
 
 
-def dark_current(result: Characterization) -> Figure:
+def dark_current(result: "Characterization") -> "Figure":
     """Dark current against temperature with its exponential law."""
     c = result.curves["dark_current"]
     figure, axes = _figure()
@@ -103,7 +101,7 @@ def dark_current(result: Characterization) -> Figure:
     return figure
 
 
-def nonuniformity(result: Characterization) -> Figure:
+def nonuniformity(result: "Characterization") -> "Figure":
     """Row and column profiles of the master bias and their power spectra."""
     c = result.curves["nonuniformity"]
     figure, axes = _figure(9.0, 3.6, 2)
@@ -116,7 +114,7 @@ def nonuniformity(result: Characterization) -> Figure:
     return figure
 
 
-def gain_law(result: Characterization) -> Figure:
+def gain_law(result: "Characterization") -> "Figure":
     """Measured gain against the setting."""
     c = result.curves["gain_law"]
     figure, axes = _figure()
@@ -128,7 +126,7 @@ def gain_law(result: Characterization) -> Figure:
     return figure
 
 
-def noise_level(result: Characterization) -> Figure:
+def noise_level(result: "Characterization") -> "Figure":
     """Noise of flat picture regions against their level."""
     c = result.curves["noise_level"]
     figure, axes = _figure()
@@ -143,7 +141,7 @@ def tells(curve: Mapping[str, np.ndarray]) -> bool:
 
 
 # By the name of the curve that is drawn: the function, and the frames that are needed.
-FIGURES: dict[str, tuple[Callable[[Characterization], Figure], str]] = {
+FIGURES: "dict[str, tuple[Callable[[Characterization], Figure], str]]" = {
     "photon_transfer": (photon_transfer, "flats at several levels and dark frames"),
     "linearity": (linearity, "calibrated flats at three or more levels"),
     "read_noise": (read_noise, "two or more bias frames that do not clip"),

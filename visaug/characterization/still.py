@@ -1,7 +1,5 @@
 """From frames without light: black level, read noise, temporal noise of frames, rows and columns, DSNU."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -9,9 +7,9 @@ import numpy as np
 from visaug.characterization import read_noise, structure, tukey
 from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.moments import GroupMoments, mean_map
-from visaug.characterization.nonuniformity import Parts, parts
+from visaug.characterization.nonuniformity import PARTS, Interval, Parts, parts
 from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly, saturated_level
-from visaug.characterization.pixel_noise import PixelNoiseSpread, pixel_noise, shrunk
+from visaug.characterization.read_noise import PixelNoiseSpread, pixel_noise, shrunk
 from visaug.core.intervals import jackknife, mean_error, root, symmetric, variance_combination, widen
 from visaug.statistics.findings import Findings
 
@@ -40,9 +38,9 @@ def noisier(level: FlatLevel) -> bool:
     """Whether dark frames scatter more than a flat of more signal: something but noise is in them."""
     df = level.dark.n - 1 if level.dark.n > 1 else 1
     excess = level.dark.variance / max(level.flat.variance, 1e-12) - 1
-    unclipped = level.flat.clipped_high == 0 and level.signal > 0
     return (
-        unclipped
+        level.flat.clipped_high == 0
+        and level.signal > 0
         and level.flat.variance > EVEN_DN**2
         and excess > 0.1 + 6 / math.sqrt(df * level.dark.shape[0] * level.dark.shape[1])
     )
@@ -86,12 +84,8 @@ def noise_of_reading(
 
 
 def _own_noise(
-    found: Findings,
-    still: GroupMoments,
-    own: PixelNoiseSpread,
-    interval: tuple[float, float, float],
-    dark_variance_dn2: float,
-) -> tuple[float, float, float]:
+    found: Findings, still: GroupMoments, own: PixelNoiseSpread, interval: Interval, dark_variance_dn2: float
+) -> Interval:
     """Read noise by pixel; returns the interval of its root mean square in DN."""
     source = f"covariance of the pixels' variances between halves of {still.n} {still.group.kind} frames"
     square, error = own.variance  # the upper limit of a negative one is that of 0
@@ -135,23 +129,19 @@ def temporal_parts(found: Findings, still: GroupMoments) -> None:
         if read_noise.unsteady(ms, t.pixel, df) and not found.filtered:
             found.warn(
                 f"{name}_noise: the offset of whole {name}s changes from frame to frame; read noise excludes it",
-                spoils=(
-                    f"emva4.dsnu_{name}*",
-                    f"emva4.prnu_{name}*",
-                    "emva4.dsnu_pixel*",
-                    "emva4.prnu_pixel*",
-                ),
+                spoils=[f"emva4.{kind}_{part}*" for part in (name, "pixel") for kind in ("dsnu", "prnu")],
             )
             if f"temporal.{name}_e" in found.parameters:
                 sigma_e = found.parameters[f"temporal.{name}_e"].value
                 found.effects.append({"name": f"{name}_noise", "sigma_e": sigma_e})
-    frame = [
-        (1 / (height * width), t.frame, t.frame_df),
-        (-1 / (height * width), t.row, t.row_df),
-        (-1 / (height * width), t.column, t.column_df),
-        (1 / (height * width), t.pixel, t.pixel_df),
-    ]
-    interval = root(variance_combination(frame))
+    size = height * width
+    frame = (
+        (1, t.frame, t.frame_df),
+        (-1, t.row, t.row_df),
+        (-1, t.column, t.column_df),
+        (1, t.pixel, t.pixel_df),
+    )
+    interval = root(variance_combination([(sign / size, ms, df) for sign, ms, df in frame]))
     found.add("temporal.frame_dn", interval, "DN", source)
     if interval[1] > 0.02 * math.sqrt(t.pixel) and read_noise.unsteady(
         t.frame, max(t.row, t.column), t.frame_df
@@ -172,7 +162,7 @@ def dark_pattern(found: Findings, measured: Measured, still: GroupMoments) -> Pa
     add_profiles(found, master)
     split = parts(master, [(1 / still.n, still)])
     source = f"analysis of variance of the mean of {still.n} {still.group.kind} frames"
-    for name in ("row", "column", "pixel"):
+    for name in PARTS:
         add_in_electrons(found, f"dsnu.{name}", root(getattr(split, name)), source)
     if split.defects:
         found.warn(f"defects: {split.defects} outlier pixels of the master bias are excluded from DSNU")

@@ -3,8 +3,6 @@
 Their levels and slow course are part of the law in `visaug.camera.patterns`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """Tukey's lambda distribution on a grid: density and characteristic function at standard deviation 1."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -20,9 +18,7 @@ _REACH = 128.0
 
 @dataclass(frozen=True)
 class Standard:
-    """The distribution at standard deviation 1: `x` grid, distribution function there, characteristic
-    function.
-    """
+    """The distribution at standard deviation 1: `x` grid, distribution function there, characteristic function."""
 
     x: np.ndarray
     distribution: np.ndarray
@@ -73,8 +69,7 @@ def standard(shape: float) -> Standard:
     log_tail = np.interp(-np.abs(x), q[keep & (q <= 0)], np.log(tail[keep & (q <= 0)]), left=-700.0)
     lower = np.exp(log_tail)
     distribution = np.where(x <= 0, lower, 1 - lower)
-    # So is the density there. A straight line in place of it is half a percent too high, which hundreds of
-    # frames tell.
+    # So is the density there. A straight line in place of it is half a percent too high, which hundreds of frames tell.
     log_density = np.log(
         np.maximum(1 / (u ** (shape - 1) + v ** (shape - 1)), 1e-300) * standard_deviation(shape)
     )

@@ -1,7 +1,5 @@
 """The frames that a camera model can explain: without what the checks of the measurement model found beyond it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

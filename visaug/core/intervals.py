@@ -1,7 +1,5 @@
 """95 % intervals for a camera's own parameters from one camera's frames."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 

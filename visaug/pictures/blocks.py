@@ -6,8 +6,6 @@ hold the noise of rows too, those of vertical frequency 0 that of columns: the n
 blocks are those of the JPEG grid, and a coefficient's known rounding step is part of its expected mean square.
 """
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -209,11 +207,11 @@ class Levels:
     def variance_at(self, level: np.ndarray | float) -> np.ndarray:
         return np.asarray(np.interp(level, self.level, self.variance))
 
-    def above(self, deviations: float) -> Levels:
+    def above(self, deviations: float) -> "Levels":
         """Those levels that lie this many standard deviations above code 0."""
         return self.where(self.level > deviations * np.sqrt(self.variance))
 
-    def where(self, kept: np.ndarray) -> Levels:
+    def where(self, kept: np.ndarray) -> "Levels":
         """The levels of a mask (levels,)."""
         return replace(
             self,

@@ -1,7 +1,5 @@
 """From pictures to an effective camera: the noise curve under a tone curve, patterns, and what stays open."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

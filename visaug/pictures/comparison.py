@@ -6,8 +6,6 @@ does not enter. A level counts only where both sets have flat blocks without str
 picture to picture (jackknife); pictures are the sample, not pixels.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -55,7 +53,7 @@ class PictureComparison(Reported):
     warnings: tuple[str, ...]
     pictures: tuple[int, int]
     target: FrameSet | None = field(default=None, repr=False, compare=False)
-    camera: Camera | None = field(default=None, repr=False, compare=False)
+    camera: "Camera | None" = field(default=None, repr=False, compare=False)
     transfer: Literal["linear", "srgb"] = "linear"
 
     @property
@@ -94,7 +92,7 @@ class _Set:
 def compare_pictures(
     renders: FrameSet,
     target: FrameSet,
-    camera: Camera | None = None,
+    camera: "Camera | None" = None,
     transfer: Literal["linear", "srgb"] = "linear",
     seed: int = 0,
     progress: Callable[[str, int, int], None] | None = None,
@@ -151,7 +149,9 @@ def compare_pictures(
     )
 
 
-def _noisy(pictures: PictureSet, camera: Camera, transfer: Literal["linear", "srgb"], seed: int) -> FrameSet:
+def _noisy(
+    pictures: PictureSet, camera: "Camera", transfer: Literal["linear", "srgb"], seed: int
+) -> FrameSet:
     """8-bit pictures as the camera would have taken them, with one sensor's fixed pattern."""
     import torch
 

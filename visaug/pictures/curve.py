@@ -5,8 +5,6 @@ through a tone curve before it is rounded, and mean and variance of the code are
 near black and noise below one step are covered as well.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

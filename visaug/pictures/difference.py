@@ -1,7 +1,5 @@
 """One statistic of two sets of pictures, and what both sets look like apart from their noise."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

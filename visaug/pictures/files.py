@@ -1,7 +1,5 @@
 """Groups of similar pictures in a set, and the processing recorded in their files."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ noise of one frequency over noise of another, steps at the grid of JPEG over ste
 light that is there to be scattered. The spread of a ratio is that from picture to picture.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 

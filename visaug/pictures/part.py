@@ -5,8 +5,6 @@ The camera takes these scenes again, and both sets are looked at in the same reg
 that the content of the pictures is the same on both sides.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -142,7 +140,7 @@ class PicturePart:
         given = np.zeros_like(own) if self.given is None else self.given.of(chosen).ratio
         return self._as_normal(own - given + by_chance, chosen)
 
-    def compared_with(self, camera: Camera) -> PicturePart:
+    def compared_with(self, camera: Camera) -> "PicturePart":
         """The same, with the symmetries as the camera file takes these scenes: simulations differ from these by effects alone."""
         every = self._chosen(WHOLE)
         sums = [self._behind_the_lens(*self._taken(camera, OWN_SEED + k, every), every) for k in range(GIVEN)]
@@ -272,7 +270,7 @@ class PicturePart:
         level = linear_to_srgb(level) if s.transfer == "srgb" else level
         return light * through, (255 * level[:, 0]).numpy()
 
-    def without_pixels(self) -> PicturePart:
+    def without_pixels(self) -> "PicturePart":
         """The same for simulations alone."""
         return replace(self, pictures=np.zeros((0, 0, 0), np.float32))
 

@@ -6,8 +6,6 @@ different pictures has the pattern's variance as its expectation, whatever the n
 row of blocks that of the row noise.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -31,7 +29,7 @@ class VariancePart:
         """Above zero at a false-alarm rate of about 1 in 1000."""
         return self.variance > 3.1 * self.error
 
-    def minus(self, other: VariancePart | None) -> VariancePart:
+    def minus(self, other: "VariancePart | None") -> "VariancePart":
         return (
             self
             if other is None

@@ -1,7 +1,5 @@
 """What a camera's pictures tell beside the noise curve: patterns, row and column noise, JPEG and the spectrum of the noise."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

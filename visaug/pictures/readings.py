@@ -1,7 +1,5 @@
 """Gain, read noise and black level from the noise curve of pictures, under each tone curve that it allows."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

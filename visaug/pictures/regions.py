@@ -6,8 +6,6 @@ choice does to a statistic, it does to both. Lit blocks are chosen by low coeffi
 which in white noise are independent of the choice.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,11 +52,11 @@ class Regions:
     levels: tuple[float, ...]
     sky: float | None
 
-    def of(self, numbers: np.ndarray) -> Regions:
+    def of(self, numbers: np.ndarray) -> "Regions":
         """Of some of the pictures."""
         return Regions(self.dark[numbers], self.lit[numbers], self.levels, self.sky)
 
-    def without_saturated(self, pictures: np.ndarray, saturated: float) -> Regions:
+    def without_saturated(self, pictures: np.ndarray, saturated: float) -> "Regions":
         """Away from saturated pixels: what spills out of them is no noise of a flat region."""
         near = np.asarray(
             ndimage.binary_dilation(cut(pictures).max((2, 4)) >= saturated, np.ones((1, 3, 3), bool)), bool

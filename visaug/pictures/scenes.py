@@ -1,7 +1,5 @@
 """The scenes behind ordinary pictures, and the regions in which the pictures are looked at."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """What a set of pictures has in common: its black sky; and the spread of a figure from picture to picture."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

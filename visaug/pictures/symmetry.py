@@ -6,8 +6,6 @@ areas it is zero on the average. Whether surfaces darken outwards is a matter of
 that other pictures with such scenes are needed for an expectation.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,7 +41,7 @@ class Sums:
     above: np.ndarray
     below: np.ndarray
 
-    def of(self, pictures: np.ndarray) -> Sums:
+    def of(self, pictures: np.ndarray) -> "Sums":
         return Sums(self.above[pictures], self.below[pictures])
 
     @property

@@ -6,8 +6,6 @@ J. Amer. Statist. Assoc. 73 (1978) 805). What t is to be expected of a block fol
 coefficients grow with that expectation, over all levels. Where t is 0 there is noise alone.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
