@@ -20,7 +20,7 @@ from visaug.characterization.rounded import (
     take_sample,
 )
 from visaug.characterization.still import CLIPPED, add_in_electrons, add_profiles, master_bias
-from visaug.core.intervals import mean_error, root, symmetric, t_quantile, variance_combination
+from visaug.core.intervals import Interval, mean_error, root, symmetric, t_quantile, variance_combination
 from visaug.statistics.findings import Findings
 
 _UNCUT = "a higher black level: too few pixels of dark frames are above 0"
@@ -118,7 +118,7 @@ def _noise_and_pattern(found: Findings, still: GroupMoments, solution: _Solution
     add_in_electrons(found, "dsnu.pixel", root((variance, variance - half, variance + half)), source)
 
 
-def _read_noise(found: Findings, interval: tuple[float, float, float], source: str, needs: str) -> bool:
+def _read_noise(found: Findings, interval: Interval, source: str, needs: str) -> bool:
     """Read noise from its value and bounds in DN; False, and an upper bound, where they are a factor of three apart."""
     if interval[2] < 3.0 * interval[1]:
         add_in_electrons(found, "read_noise.sigma", interval, source)

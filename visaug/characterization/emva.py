@@ -17,14 +17,7 @@ from visaug.characterization.dark_current import mean_points, slopes, variance_p
 from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.light import NEEDS_FLATS, NEEDS_PHOTONS
 from visaug.characterization.moments import GroupMoments, mean_map
-from visaug.characterization.nonuniformity import (
-    PARTS,
-    Interval,
-    corrected_split,
-    not_white,
-    parts,
-    release_4,
-)
+from visaug.characterization.nonuniformity import PARTS, corrected_split, not_white, parts, release_4
 from visaug.characterization.photon_transfer import (
     emva_linearity,
     emva_sensitivity,
@@ -32,7 +25,7 @@ from visaug.characterization.photon_transfer import (
     linearity_curve,
     saturated_level,
 )
-from visaug.core.intervals import jackknife, root, symmetric, widen
+from visaug.core.intervals import Interval, jackknife, root, symmetric, widen
 from visaug.statistics.findings import Estimate, Findings
 
 _SATURATED = "calibrated flats up to saturation and beyond"

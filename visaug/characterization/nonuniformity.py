@@ -11,10 +11,9 @@ from scipy import stats
 
 from visaug.characterization.moments import GroupMoments
 from visaug.core.constants import MAD
-from visaug.core.intervals import variance_combination
+from visaug.core.intervals import Interval, variance_combination
 from visaug.statistics.findings import Findings
 
-Interval = tuple[float, float, float]
 PARTS = ("row", "column", "pixel")
 
 

@@ -7,10 +7,18 @@ import numpy as np
 from visaug.characterization import read_noise, structure, tukey
 from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.moments import GroupMoments, mean_map
-from visaug.characterization.nonuniformity import PARTS, Interval, Parts, parts
+from visaug.characterization.nonuniformity import PARTS, Parts, parts
 from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly, saturated_level
 from visaug.characterization.read_noise import PixelNoiseSpread, pixel_noise, shrunk
-from visaug.core.intervals import jackknife, mean_error, root, symmetric, variance_combination, widen
+from visaug.core.intervals import (
+    Interval,
+    jackknife,
+    mean_error,
+    root,
+    symmetric,
+    variance_combination,
+    widen,
+)
 from visaug.statistics.findings import Findings
 
 CLIPPED = 0.002  # share of pixels at 0 above which moments of bias frames are cut
@@ -106,8 +114,7 @@ def _own_noise(
             return {"v": float((still.row_variances * rows).sum() / rows.sum()) - still.frame_variance}
 
         value, error, df = jackknife(variance, still.shape[0])["v"]
-        bounds = (max(v - 1 / 12 - dark_variance_dn2, 0.0) for v in symmetric(value, error, df))
-        interval = root(tuple(bounds))  # type: ignore[arg-type]
+        interval = root([max(v - 1 / 12 - dark_variance_dn2, 0.0) for v in symmetric(value, error, df)])
         rms = interval[0]
     if rms > 0:
         scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.special import ndtr
 
+from visaug.core.intervals import Interval
 from visaug.core.sampling.tukey_lambda import GAUSSIAN_SHAPE, quantile, standard_deviation
 from visaug.effects.readout.read_noise import LEAST_SHAPE
 
@@ -42,7 +43,7 @@ def _normal() -> Standard:
     return Standard(x, ndtr(x), CubicSpline(nodes, np.exp(-0.5 * nodes**2)))
 
 
-def hold_both_gaussians(interval: tuple[float, float, float]) -> tuple[float, float, float]:
+def hold_both_gaussians(interval: Interval) -> Interval:
     """Interval of a shape that holds every shape that stands for a normal law, if it holds one of them.
 
     No Tukey-lambda law is normal; which is nearest depends on the criterion: 0.1345 by likelihood, 0.14 by the

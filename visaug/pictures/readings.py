@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from visaug.core.intervals import t_quantile
+from visaug.core.intervals import Interval, t_quantile
 from visaug.pictures.blocks import Levels, Rounding
 from visaug.pictures.curve import TONES, Sky, VarianceLaw, fit
 from visaug.pictures.files import PictureSet
@@ -16,8 +16,6 @@ from visaug.pictures.texture import Texture
 
 _SAME = 5.41  # chi-square of 1 degree of freedom at 2 %
 _SURE = 1.96  # standard errors of a 95 % interval
-
-Interval = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
