@@ -177,11 +177,8 @@ class Camera:
             else:
                 entry = next((entry for entry in content.get("effects", ()) if entry["name"] == effect), None)
                 if entry is None or key not in catalogue()[effect].parameters:
-                    raise InputError(
-                        "is not a parameter of this camera",
-                        field=path,
-                        expected=f"one of {', '.join(self.values())}",
-                    )
+                    expected = f"one of {', '.join(self.values())}"
+                    raise InputError("is not a parameter of this camera", field=path, expected=expected)
                 entry[key] = value
         try:
             return self._changed(content)
@@ -208,13 +205,11 @@ class Camera:
         """Returns the camera without one of its further effects and its entries in `randomize`."""
         content = self.to_dict()
         content["effects"] = [entry for entry in content.get("effects", ()) if entry["name"] != name]
-        content["randomize"] = {
-            k: v for k, v in content.get("randomize", {}).items() if not k.startswith(f"{name}.")
-        }
+        own = f"{name}."
+        randomize, pairs = content.get("randomize", {}), content.get("correlated", ())
+        content["randomize"] = {path: law for path, law in randomize.items() if not path.startswith(own)}
         content["correlated"] = [
-            pair
-            for pair in content.get("correlated", ())
-            if not any(path.startswith(f"{name}.") for path in pair[:2])
+            (a, b, c) for a, b, c in pairs if not (a.startswith(own) or b.startswith(own))
         ]
         return self._changed(content)
 
@@ -271,8 +266,7 @@ class Camera:
         Args:
             photons: (B, C, H, W) float32, mean photons per pixel and exposure.
             stream: the random numbers; its window is the part of the sensor that the images show.
-            values: parameters that differ from the nominal values, by path: scalars, (B,) or (B, 1, 1, 1); may require
-                gradients.
+            values: parameters that differ from the nominal values, by path: scalars, (B,) or (B, 1, 1, 1); may require gradients.
             sequence: True if the batch consists of consecutive frames, for lag and drift; `memory` carries state from batch
                 to batch.
             watch: called with (effect, signal) after each effect.
@@ -319,21 +313,17 @@ class Camera:
         """
         if stream is None:
             batch, channels, rows, columns = picture.shape
-            stream = Stream(
-                range(batch), range(batch), channels, (range(rows), range(columns)), picture.device
-            )
+            window, numbers = (range(rows), range(columns)), range(batch)
+            stream = Stream(numbers, numbers, channels, window, picture.device)
         full = self._full(values, picture.device)
         context = self._context(full, stream, False, None, None)
         return chain.finish(self.effects, picture, full, self.choices(), stream, context)
 
     def _full(self, values: Mapping[str, Tensor | float] | None, device: torch.device) -> dict[str, Tensor]:
         """Every number by path, (1 or B, 1, 1, 1)."""
-        nominal = self.values()
-        full: dict[str, Tensor] = {}
-        for path, value in {**nominal, **(values or {})}.items():
-            tensor = torch.as_tensor(value, dtype=torch.float32, device=device)
-            full[path] = tensor.reshape(-1, 1, 1, 1)
-        return full
+        every = {**self._values, **(values or {})}
+        tensors = {path: torch.as_tensor(v, dtype=torch.float32, device=device) for path, v in every.items()}
+        return {path: tensor.reshape(-1, 1, 1, 1) for path, tensor in tensors.items()}
 
     def _context(
         self,

@@ -45,11 +45,9 @@ def documented(file: Path) -> Camera:
     content = parse_yaml(file.read_text(encoding="utf-8"), file)
     known, assumed, source = figures(content), camera.spec.assumed, camera.spec.source
     if not isinstance(source, dict):
+        expected = "path: where it is from, such as {gain_e_per_dn: EMVA 1288 report of ...}"
         raise InputError(
-            "does not name the source of each figure",
-            file=file,
-            field="source",
-            expected="path: where it is from, such as {gain_e_per_dn: EMVA 1288 report of ...}",
+            "does not name the source of each figure", file=file, field="source", expected=expected
         )
     for path, text in source.items():
         if not text.strip():
@@ -58,12 +56,8 @@ def documented(file: Path) -> Camera:
             )
     told = {*source, *assumed}
     if untold := [path for path in known if not {path, path.partition(".")[0]} & told]:
-        raise InputError(
-            f"{', '.join(untold)} {'has' if len(untold) == 1 else 'have'} neither a source nor an entry in `assumed`",
-            file=file,
-            field="source",
-            expected="one of the two for every figure",
-        )
+        problem = f"{', '.join(untold)} {'has' if len(untold) == 1 else 'have'} neither a source nor an entry in `assumed`"
+        raise InputError(problem, file=file, field="source", expected="one of the two for every figure")
     if both := sorted({*assumed} & source.keys()):
         raise InputError(f"{both[0]} has a source too", file=file, field="assumed", expected="one of the two")
     parts = {path.partition(".")[0] for path in known}
@@ -92,9 +86,8 @@ def add_camera(file: str | Path, force: bool = False) -> Path:
             f"is {camera.name!r}", file=file, field="name", expected="1 to 64 letters and digits"
         )
     if name in shipped():
-        raise InputError(
-            f"{name} is a camera in the package", file=file, field="name", expected="another name"
-        )
+        problem = f"{name} is a camera in the package"
+        raise InputError(problem, file=file, field="name", expected="another name")
     target = own_folder() / f"{name}.yaml"
     if target.exists() and not force:
         raise InputError("already exists", file=target, expected="another name in the file, or --force")
@@ -115,12 +108,8 @@ def export_camera(name: str | Path, destination: str | Path | None = None) -> Pa
     file = camera_file(name)
     camera = documented(file)
     if not camera.spec.licence:
-        raise InputError(
-            "is missing",
-            file=file,
-            field="licence",
-            expected="under which licence the figures may be passed on",
-        )
+        expected = "under which licence the figures may be passed on"
+        raise InputError("is missing", file=file, field="licence", expected=expected)
     folder = Path(destination) if destination is not None else Path(f"{file.stem}-camera")
     with whole_folder(folder) as filled:
         target = filled / f"{file.stem}.yaml"

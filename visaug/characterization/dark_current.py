@@ -155,11 +155,11 @@ def law(found: Sequence[Slope]) -> DarkCurrentLaw | None:
     centre = float(np.average(t, weights=np.maximum(y, 0) + 1e-12))
     warm = y > 0
     start = np.polyfit(t[warm] - centre, np.log(y[warm]), 1, w=y[warm] / e[warm])
-    fit = optimize.least_squares(
-        lambda p: (np.exp(np.clip(p[0] + p[1] * (t - centre), -700, 700)) - y) / e,
-        x0=[start[1], start[0]],
-        x_scale="jac",
-    )
+
+    def residual(p: np.ndarray) -> np.ndarray:
+        return (np.exp(np.clip(p[0] + p[1] * (t - centre), -700, 700)) - y) / e
+
+    fit = optimize.least_squares(residual, [start[1], start[0]], x_scale="jac")
     try:
         covariance = np.linalg.inv(fit.jac.T @ fit.jac)
     except np.linalg.LinAlgError:

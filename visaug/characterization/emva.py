@@ -1,8 +1,7 @@
 """The figures of EMVA 1288: those of release 3, and those that release 4.0 Linear has beside them.
 
-The standard: EMVA Standard 1288, release 3.0 (2010) and release 4.0 Linear (2021), European Machine Vision
-Association. Intervals are this package's own; the standard gives none. Release 4.0 General, for cameras without a
-linear raw signal, is not implemented.
+The standard: EMVA Standard 1288, release 3.0 (2010) and release 4.0 Linear (2021), European Machine Vision Association. Intervals
+are this package's own; the standard gives none. Release 4.0 General, for cameras without a linear raw signal, is not implemented.
 """
 
 import math
@@ -108,11 +107,8 @@ def _figures(found: Findings, measured: Measured) -> None:
 
 def _dark_sweep(measured: Measured, temperature_c: float | None) -> list[GroupMoments]:
     """Dark frames at one temperature, by exposure; stacks of many frames stand apart from a sweep."""
-    same = [
-        m
-        for m in (*measured.darks, *measured.biases)
-        if m.n > 1 and degrees_apart(temperature_c, m.group.temperature_c) <= SAME_C
-    ]
+    every = (m for m in (*measured.darks, *measured.biases) if m.n > 1)
+    same = [m for m in every if degrees_apart(temperature_c, m.group.temperature_c) <= SAME_C]
     usual = np.median([m.n for m in same]) if same else 0
     small = [m for m in same if m.n <= 4 * usual]
     chosen = small if len({m.group.exposure_s for m in small}) > 2 else same

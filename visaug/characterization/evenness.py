@@ -34,15 +34,12 @@ def check(measured: Measured, transfer: PhotonTransferResult, found: Findings) -
     places, parts = ratio.mean((0, 1)), ratio.mean((2, 3))
     beside = float(np.var(places)) > float(np.var(parts))
     low, high = (float(f(places if beside else parts)) for f in (np.min, np.max))
+    where = "over the frame (amplifiers of different gain, or shading that the camera corrected)"
+    if beside:
+        where = "at the places of a 2 x 2 (a digital gain of colours or columns)"
     found.warn(
-        "gain_uneven: variance over signal is "
-        + (
-            f"{low:.2f} to {high:.2f} of its mean at the places of a 2 x 2 (a digital gain of colours or columns)"
-            if beside
-            else f"{low:.2f} to {high:.2f} of its mean over the frame (amplifiers of different gain, or shading that the camera "
-            "corrected)"
-        )
-        + ": one gain_e_per_dn does not hold for all pixels",
+        f"gain_uneven: variance over signal is {low:.2f} to {high:.2f} of its mean {where}: one gain_e_per_dn does not hold for "
+        "all pixels",
         spoils=FROM_GAIN,
     )
 

@@ -184,8 +184,5 @@ def _follows(shared: np.ndarray) -> bool:
 def _split(indices: tuple[int, ...], shared: np.ndarray) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """The frames by the sign of their part in what they share most."""
     part = np.linalg.eigh(shared)[1][:, -1]
-    first = part * part[0] > 0
-    return (
-        tuple(i for i, here in zip(indices, first) if here),
-        tuple(i for i, here in zip(indices, first) if not here),
-    )
+    first = dict(zip(indices, part * part[0] > 0))
+    return tuple(i for i in indices if first[i]), tuple(i for i in indices if not first[i])

@@ -64,14 +64,11 @@ def _noise(frame: np.ndarray) -> float:
 def temporal_variances(frames: FrameSet, indices: Sequence[int]) -> np.ndarray:
     """Temporal variance of each of three or more frames by itself, DN^2 (n,).
 
-    The variances of the differences of three frames, D_ab = v_a + v_b and so on, tell that of each:
-    v_a = (D_ab + D_ac - D_bc) / 2.
+    The variances of the differences of three frames, D_ab = v_a + v_b and so on, tell that of each: v_a = (D_ab + D_ac - D_bc) / 2.
     """
     n = len(indices)
-    steps, leaps = (
-        np.empty(n),
-        np.empty(n),
-    )  # between neighbours, cyclic, and between a frame's two neighbours
+    steps = np.empty(n)  # between neighbours, cyclic
+    leaps = np.empty(n)  # between a frame's two neighbours
     before, here = (frames.read(indices[k]).astype(np.float64) for k in (0, 1))
     for k in range(1, n + 1):
         following = frames.read(indices[(k + 1) % n]).astype(np.float64)

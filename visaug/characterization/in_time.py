@@ -163,9 +163,7 @@ def _most_often(counts: np.ndarray, groups: int) -> int:
 
 
 def _hits(excess: np.ndarray, frame: np.ndarray, n: int, groups: int, skewness: float) -> np.ndarray:
-    """(H, W) pixels whose gap to the second greatest of n values, in noises, is no noise's: alone, or two or
-    three in a line.
-    """
+    """(H, W) pixels whose gap to the second greatest of n values, in noises, is no noise's: alone, or two or three in a line."""
     allowed = FALSE_ALARM / groups / excess.size / 3  # of a pixel, for each length
     hit = excess > _gap(allowed, n, skewness)
     lines = ((0, 1), (1, 0), (1, 1), (1, -1))  # directions in which pixels of a track adjoin
@@ -226,15 +224,9 @@ def _peaks(frames: FrameSet, group: Group) -> _Peaks:
         steps.append(step / one.size)
         before = frame
     # of normal noise, from the mean absolute difference
-    noise = 0.5 * math.sqrt(math.pi) * float(np.median(steps))
-    return _Peaks(
-        first,
-        second,
-        which,
-        float((next_least - least).max()),
-        max(noise, 0.5),
-        float((one == 0).mean()) > PILED_SHARE,
-    )
+    noise = max(0.5 * math.sqrt(math.pi) * float(np.median(steps)), 0.5)
+    dip, is_cut = float((next_least - least).max()), float((one == 0).mean()) > PILED_SHARE
+    return _Peaks(first, second, which, dip, noise, is_cut)
 
 
 def _levels(frame: np.ndarray, by_rows: bool) -> np.ndarray:

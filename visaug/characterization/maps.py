@@ -142,11 +142,9 @@ def camera_maps(result: "Characterization") -> dict[str, np.ndarray]:
             found["dark_current_nonuniformity"] = factor
     for name, values in found.items():
         if values.shape != tuple(content["resolution"]):
-            raise InputError(
-                f"the map of {name} is {values.shape[0]} x {values.shape[1]}",
-                field="resolution",
-                expected="frames of the whole sensor, {} x {}".format(*content["resolution"]),
-            )
+            size = "the map of {} is {} x {}".format(name, *values.shape)
+            expected = "frames of the whole sensor, {} x {}".format(*content["resolution"])
+            raise InputError(size, field="resolution", expected=expected)
     return {name: values.astype(np.float32) for name, values in found.items()}
 
 

@@ -18,9 +18,8 @@ Place = tuple[tuple[int, int], Window | None]
 class TemporalParts:
     """Mean squares of the temporal noise about the mean map and their degrees of freedom.
 
-    Expectations: ``frame`` HW s_t^2 + W s_tv^2 + H s_th^2 + s_tvh^2; ``row`` W s_tv^2 + s_tvh^2; ``column``
-    H s_th^2 + s_tvh^2; ``pixel`` s_tvh^2 (t frame, v row, h column). The 3-D noise model: J. D'Agostino and
-    C. Webb, Proc. SPIE 1488 (1991) 110.
+    Expectations: ``frame`` HW s_t^2 + W s_tv^2 + H s_th^2 + s_tvh^2; ``row`` W s_tv^2 + s_tvh^2; ``column`` H s_th^2 + s_tvh^2;
+    ``pixel`` s_tvh^2 (t frame, v row, h column). The 3-D noise model: J. D'Agostino and C. Webb, Proc. SPIE 1488 (1991) 110.
     """
 
     frame: float
@@ -43,8 +42,7 @@ class GroupMoments:
         frame_means: (n,) mean of each frame, DN.
         row_means: (H,) mean over frames and columns, DN.
         column_means: (W,) mean over frames and rows, DN.
-        row_variances: (H,) mean over columns of the pixels' variance over frames (n - 1 in it), DN^2; 0 for
-            one frame.
+        row_variances: (H,) mean over columns of the pixels' variance over frames (n - 1 in it), DN^2; 0 for one frame.
         spatial_variance: variance of the mean map (HW - 1 in it), DN^2.
         temporal: mean squares of the temporal noise, None for one frame.
         clipped_low, clipped_high: share of pixels at 0 and at the converter's top.

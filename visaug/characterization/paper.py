@@ -54,7 +54,7 @@ def _bias(found: Findings, measured: Measured, still: GroupMoments) -> None:
     error = math.hypot(columns / math.sqrt(width), rows / math.sqrt(height))
     level = symmetric(still.mean, error, min(still.shape) - 1)
     found.add("black_level_dn", level, "DN", "mean of the master bias")
-    deviations, edges, histogram = [], np.zeros(0), 0
+    deviations, edges, histogram = [], np.zeros(0), np.zeros(160, int)
     for i in still.group.indices:
         residual = measured.frames.read(i) - master
         residual -= residual.mean()

@@ -23,8 +23,7 @@ class PhotonTransferResult:
 
     Attributes:
         gain_dn_per_e: slope at zero signal by weighted least squares over all safe levels.
-        curvature_per_dn: c of the variance K S (1 + c S), its standard error beside it; None for fewer levels
-            than tell it.
+        curvature_per_dn: c of the variance K S (1 + c S), its standard error beside it; None for fewer levels than tell it.
         flats_alone: whether the variance without light was fitted, since dark frames do not tell it.
         response: the signal's course over photons, None where the source is not calibrated.
         safe: positions of the levels that are clear of saturation.
@@ -152,14 +151,8 @@ def safe_levels(
 ) -> tuple[int, ...]:
     safe = 0.85  # of saturation: the camera's own gain may use more levels than the standard's fit
     limit = math.inf if saturation is None else safe * levels[saturation].signal
-    chosen = [
-        i
-        for i, v in enumerate(levels)
-        if 0 < v.signal <= limit
-        and v.flat.clipped_high == 0
-        and v.photons != 0
-        and (v.variance_of_all > 0 or not dark_tells)
-    ]
+    clear = [v.flat.clipped_high == 0 and v.photons != 0 and 0 < v.signal <= limit for v in levels]
+    chosen = [i for i, v in enumerate(levels) if clear[i] and (v.variance_of_all > 0 or not dark_tells)]
     if not dark_tells:
         return tuple(i for i in chosen if rounds_evenly(levels[i].flat) and levels[i].flat.clipped_low < 1e-4)
     if not chosen and saturation is not None:
@@ -226,11 +219,8 @@ def linearity_curve(levels: Sequence[FlatLevel], saturation: int | None) -> dict
 
 def _linear_levels(levels: Sequence[FlatLevel], saturation: int | None) -> list[FlatLevel]:
     top = levels[-1 if saturation is None else saturation].signal
-    return [
-        v
-        for v in levels[: None if saturation is None else saturation + 1]
-        if v.photons is not None and 0.05 * top <= v.signal <= 0.95 * top
-    ]
+    upto = levels[: None if saturation is None else saturation + 1]
+    return [v for v in upto if v.photons is not None and 0.05 * top <= v.signal <= 0.95 * top]
 
 
 def relative_deviations(levels: Sequence[FlatLevel], rows: np.ndarray) -> np.ndarray:

@@ -21,13 +21,12 @@ class OperatingPoint:
 
     def to_json(self) -> dict[str, Any]:
         """Every figure, and the arrays of every plot of release 4."""
+        shown = {name: arrays for name, arrays in self.result.curves.items() if name.startswith("emva4_")}
         curves = {
             name: {
-                key: [v if math.isfinite(v) else None for v in values.tolist()]
-                for key, values in arrays.items()
+                k: [v if math.isfinite(v) else None for v in array.tolist()] for k, array in arrays.items()
             }
-            for name, arrays in self.result.curves.items()
-            if name.startswith("emva4_")
+            for name, arrays in shown.items()
         }
         return {"name": self.name, **self.result.to_json(), "curves": curves}
 

@@ -175,9 +175,8 @@ class PixelNoiseSpread:
 def pixel_noise(frames: FrameSet, still: GroupMoments) -> PixelNoiseSpread | None:
     """Of six or more frames without light, else None.
 
-    Pixels of one law have variances that scatter by chance, the more so the heavier its tails, but those of two
-    halves of the frames scatter independently. Their logarithms covary by what pixels differ in, 4 s^2 where s
-    is the spread of log sigma.
+    Pixels of one law have variances that scatter by chance, the more so the heavier its tails, but those of two halves of the
+    frames scatter independently. Their logarithms covary by what pixels differ in, 4 s^2 where s is the spread of log sigma.
     """
     if still.n < 6:  # halves of three frames each tell a variance apart from its chance
         return None

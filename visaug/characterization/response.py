@@ -65,12 +65,10 @@ def response(levels: Sequence[FlatLevel], dark_tells: bool) -> Response | None:
     value = float(influence @ signals)
     if not value > 0:
         return None
-    rows, columns_too = (
-        _left_out(
-            [getattr(v.flat, side) - (getattr(v.dark, side) if dark_tells else 0.0) for v in levels],
-            influence,
-        )
-        for side in ("row_means", "column_means")
+    dark_share = 1.0 if dark_tells else 0.0
+    rows = _left_out([v.flat.row_means - dark_share * v.dark.row_means for v in levels], influence)
+    columns_too = _left_out(
+        [v.flat.column_means - dark_share * v.dark.column_means for v in levels], influence
     )
     gap = np.array([v.exposure_gap_s * (v.dark_rate_error or 0.0) for v in levels])
     rate = float(influence @ gap) ** 2 if dark_tells else 0.0

@@ -1,8 +1,7 @@
 """Likelihood of values that are rounded to whole DN and cut at 0.
 
-Every pixel's value is its location plus noise. The likelihood of a pixel's values is known for any location;
-integrated over a normal law of locations it gives read noise and pattern together. Only what the cut and the rounding
-hide is lost.
+Every pixel's value is its location plus noise. The likelihood of a pixel's values is known for any location; integrated over a
+normal law of locations it gives read noise and pattern together. Only what the cut and the rounding hide is lost.
 """
 
 import math
@@ -25,9 +24,7 @@ _RIDGE = 1e-6  # of the information: keeps what is not told at no information
 
 @dataclass(frozen=True)
 class CodeHistograms:
-    """Counts (P, bins) of chosen pixels, edges between bins (DN above `origin`; bin 0 may be the cut), places of
-    the pixels.
-    """
+    """Counts (P, bins) of chosen pixels, edges between bins (DN above `origin`; bin 0 may be the cut), places of the pixels."""
 
     counts: np.ndarray
     edges: np.ndarray
@@ -184,8 +181,7 @@ class SigmaLikelihood:
     def bounds(self, fit: RoundedFit) -> tuple[float, float]:
         """95 % interval of the standard deviation, DN, by the likelihood ratio; from 0 where nothing bounds it.
 
-        What pixels of a row or column have in common stretches the ratio (R. E. Chandler and S. Bate, Biometrika
-        94 (2007) 167).
+        What pixels of a row or column have in common stretches the ratio (R. E. Chandler and S. Bate, Biometrika 94 (2007) 167).
         """
         least = min(self._at(fit.log_sigma)[0], float(self._losses.min()))
         limit = least + 0.5 * t_quantile(BLOCKS - 1) ** 2 * fit.dependence

@@ -84,11 +84,8 @@ def noise_of_reading(
     if own is not None:
         interval = _own_noise(found, still, own, interval, dark_variance_dn2)
     add_in_electrons(found, "read_noise.sigma", interval, source)
-    found.curves["read_noise"] = {
-        "residual_dn": fitted.centres_dn,
-        "counts": fitted.counts,
-        "model": fitted.model,
-    }
+    curve = {"residual_dn": fitted.centres_dn, "counts": fitted.counts, "model": fitted.model}
+    found.curves["read_noise"] = curve
 
 
 def _own_noise(

@@ -200,6 +200,11 @@ class Levels:
     def variance_at(self, level: np.ndarray | float) -> np.ndarray:
         return np.asarray(np.interp(level, self.level, self.variance))
 
+    def curve(self, scale: float = 1.0) -> dict[str, np.ndarray]:
+        """Noise and its standard error by level, in DN of 8 bit times `scale`."""
+        noise = np.sqrt(self.variance) * scale
+        return {"level_dn": self.level * scale, "noise_dn": noise, "error_dn": noise * self.error / 2}
+
     def above(self, deviations: float) -> "Levels":
         """Those levels that lie this many standard deviations above code 0."""
         return self.where(self.level > deviations * np.sqrt(self.variance))

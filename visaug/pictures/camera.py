@@ -78,12 +78,7 @@ def _no_camera(found: Findings, needs: str, said: str = "") -> None:
 def _noise_in_dn(found: Findings, pictures: PictureSet, levels: Levels, rounding: Rounding) -> None:
     """The noise curve and its straight line in DN, whatever made it."""
     scale = pictures.scale
-    noise = np.sqrt(levels.variance) * scale
-    found.curves["noise_level"] = {
-        "level_dn": levels.level * scale,
-        "noise_dn": noise,
-        "error_dn": noise * levels.error / 2,
-    }
+    found.curves["noise_level"] = levels.curve(scale)
 
     def figures(weights: np.ndarray) -> np.ndarray:
         level, variance = levels.of_pictures(weights, rounding)

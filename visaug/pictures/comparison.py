@@ -157,20 +157,10 @@ def compare_pictures(
         )
     found = [*noise, *_lines(*parts), *look_differences(*(one.pictures for one in sets))]
     if not found:
-        raise InputError(
-            "the two sets have no flat regions at a common level",
-            field="--target",
-            expected="pictures of like brightness",
-        )
+        problem = "the two sets have no flat regions at a common level"
+        raise InputError(problem, field="--target", expected="pictures of like brightness")
     p = min(1.0, len(found) * min(d.p_value for d in found))
-    curves = {
-        name: {
-            "level_dn": s.levels.level,
-            "noise_dn": np.sqrt(s.levels.variance),
-            "error_dn": np.sqrt(s.levels.variance) * s.levels.error / 2,
-        }
-        for name, s in zip(("renders", "target"), sets, strict=True)
-    }
+    curves = {name: s.levels.curve() for name, s in zip(("renders", "target"), sets)}
     sizes, said = (len(sets[0].pictures), len(sets[1].pictures)), tuple(warnings)
     return PictureComparison(p, tuple(found), _places(found), curves, said, sizes, target, camera, transfer)
 

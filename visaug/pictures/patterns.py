@@ -30,13 +30,8 @@ def add_patterns(
             found.miss(name, needs)
             return
         interval = _with_gain(_root(value, per_unit), best.gain)
-        add(
-            found,
-            name,
-            interval,
-            "e-",
-            where if name == "dsnu.pixel_e" else f"{where}; white from line to line",
-        )
+        assumes = where if name == "dsnu.pixel_e" else f"{where}; white from line to line"
+        add(found, name, interval, "e-", assumes)
         if effect and value.found:
             found.effects.append({"name": effect, "sigma_e": float(f"{interval[0]:.4g}")})
 

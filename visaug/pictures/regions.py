@@ -28,7 +28,6 @@ from visaug.pictures.blocks import (
     noise_by_level,
 )
 
-SMOOTH = 2.5  # blocks: standard deviation of the Gaussian that takes stray light off the sky
 _FAR = 4.0  # robust standard deviations of the sky's blocks
 _MOST_DN = 15.0  # of the sky's spread: more is no sky
 KEPT = U + V > 4  # coefficients that the choice does not look at
@@ -154,7 +153,7 @@ def dark_residuals(pictures: np.ndarray, dark: np.ndarray) -> np.ndarray:
     weight = dark.astype(np.float32)
     total = max(float(weight.sum()), 1.0)
     means = cut(pictures).mean((2, 4), dtype=np.float32) * weight
-    spread = [ndimage.gaussian_filter(x, (0, SMOOTH, SMOOTH), mode="constant") for x in (means, weight)]
+    spread = [ndimage.gaussian_filter(x, (0, 2.5, 2.5), mode="constant") for x in (means, weight)]
     smooth = np.divide(spread[0], spread[1], out=np.zeros_like(means), where=spread[1] > 1e-6)
     left = (pictures - as_pixels(smooth)) * as_pixels(weight)
     return _as_if_everywhere(left, dark) + np.float32(means.sum(dtype=np.float64) / total)

@@ -95,11 +95,9 @@ def scenes_of(
     stated = _stated_black(camera, transfer)
     regions = find_regions(taken, saturated, rounding, stated)
     if regions.sky is None and not regions.levels:
-        raise InputError(
-            "the pictures hold neither a black sky nor flat regions with noise",
-            field="frames",
-            expected="regions without texture, with noise that neighbours do not share",
-        )
+        problem = "the pictures hold neither a black sky nor flat regions with noise"
+        expected = "regions without texture, with noise that neighbours do not share"
+        raise InputError(problem, field="frames", expected=expected)
     _say_what_lacks(regions, warn)
     rows, columns = frames.shape(pictures.indices[0])
     black = regions.sky if regions.sky is not None else stated
@@ -107,19 +105,11 @@ def scenes_of(
     place = (regions.lit >= 0, black, saturated, (window[0], window[2]), (rows, columns))
     expected = _expected(scenes, camera, transfer, saturated, warn) if scenes is not None else _unknown()
     numbers = tuple(frames.records[pictures.indices[n]].sequence for n in chosen)
-    own = Scenes(
-        _light(unspilled(smooth, saturated), black, saturated, transfer),
-        regions,
-        numbers,
-        window,
-        black,
-        saturated,
-        transfer,
-        pictures.top_dn,
-        round(quality_of(pictures.steps)[0]) if pictures.is_jpeg else None,
-        symmetry_sums(smooth, *place),
-        expected,
-    )
+    light = _light(unspilled(smooth, saturated), black, saturated, transfer)
+    quality = round(quality_of(pictures.steps)[0]) if pictures.is_jpeg else None
+    files = transfer, pictures.top_dn, quality
+    symmetry = symmetry_sums(smooth, *place)
+    own = Scenes(light, regions, numbers, window, black, saturated, *files, symmetry, expected)
     is_whole = window == (0, rows, 0, columns)
     used = tuple(pictures.indices[n] for n in chosen)
     return own, taken, Selection(len(frames), (rows, columns), (0, 0), used, None if is_whole else window)
@@ -196,9 +186,8 @@ def smooth_scenes(pictures: np.ndarray, regions: Regions) -> np.ndarray:
 def unspilled(scenes: np.ndarray, saturated: float) -> np.ndarray:
     """Scenes (n, H, W) whose saturated areas are no longer along columns than along rows.
 
-    Scenes have no preferred axis, so what is longer is charge that spilled, and not light. It is replaced by what lies as far
-    along the rows from the middle of the light. The middle is where an area is widest; areas that a narrower trail joins have
-    one each.
+    Scenes have no preferred axis, so what is longer is charge that spilled, and not light. It is replaced by what lies as far along
+    the rows from the middle of the light. The middle is where an area is widest; areas that a narrower trail joins have one each.
     """
     found = scenes.copy()
     for picture, scene in zip(scenes, found, strict=True):
