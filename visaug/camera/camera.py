@@ -1,6 +1,7 @@
 """A camera: its parameters, its chain of effects, and simulated exposures."""
 
 import copy
+import os
 from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -14,7 +15,6 @@ from torch import Tensor
 from visaug.camera import chain, paths
 from visaug.camera.colour import ColourPath, colour_path
 from visaug.camera.maps import effect_of, load_maps, moved, named_maps, set_map
-from visaug.camera.own import own_cameras, own_folder
 from visaug.camera.spec import CameraSpec, check_spec, read_spec
 from visaug.core.errors import InputError
 from visaug.core.files import write_text
@@ -30,6 +30,17 @@ def shipped() -> dict[str, Path]:
     """The cameras in the package: names and files."""
     files = sorted(Path(str(file)) for file in (resources.files("visaug.camera") / "data").iterdir())
     return {file.stem: file for file in files if file.suffix == ".yaml"}
+
+
+def own_folder() -> Path:
+    """$XDG_DATA_HOME/visaug/cameras; ~/.local/share stands for $XDG_DATA_HOME where that is not set."""
+    base = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
+    return Path(base) / "visaug" / "cameras"
+
+
+def own_cameras() -> dict[str, Path]:
+    """Names and files of the user's own cameras."""
+    return {file.stem: file for file in sorted(own_folder().glob("*.yaml"))}
 
 
 def camera_file(source: str | Path) -> Path:

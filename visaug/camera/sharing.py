@@ -9,9 +9,8 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from visaug.camera.camera import Camera, camera_file, shipped
+from visaug.camera.camera import Camera, camera_file, own_folder, shipped
 from visaug.camera.maps import named_maps, set_map
-from visaug.camera.own import own_folder
 from visaug.core.documents import parse_yaml
 from visaug.core.errors import InputError
 from visaug.core.files import whole_folder, write_bytes, write_text, write_yaml

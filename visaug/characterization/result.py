@@ -195,11 +195,7 @@ class Characterization:
         """Every figure for which there are curves of more than one point, by name."""
         from visaug.characterization import plots
 
-        return {
-            name: draw(self)
-            for name, (draw, _) in plots.FIGURES.items()
-            if name in self.curves and plots.tells(self.curves[name])
-        }
+        return plots.figures(self.curves)
 
     def plot_photon_transfer(self) -> "Figure":
         return self._plot("photon_transfer")
@@ -225,10 +221,7 @@ class Characterization:
     def _plot(self, name: str) -> "Figure":
         from visaug.characterization import plots
 
-        draw, needed = plots.FIGURES[name]
-        if name not in self.curves:
-            raise InputError("the frames give no such curve", field=name, expected=needed)
-        return draw(self)
+        return plots.figure(self.curves, name)
 
 
 def without_impossible(result: Characterization) -> Characterization:

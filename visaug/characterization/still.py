@@ -1,10 +1,14 @@
-"""From frames without light: black level, read noise, temporal noise of frames, rows and columns, DSNU."""
+"""From frames without light: black level, read noise, temporal noise of frames, rows and columns, DSNU and its spectra."""
 
 import math
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from scipy.optimize import root_scalar
+from scipy.special import gammaln, log_ndtr
 
-from visaug.characterization import read_noise, structure, tukey
+from visaug.characterization import read_noise, tukey
 from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import PARTS, Parts, parts
@@ -184,7 +188,7 @@ def add_profiles(found: Findings, master: np.ndarray) -> None:
     """Row and column profiles, their spectra, with a word on what no white pattern has."""
     curves: dict[str, np.ndarray] = {}
     for name, axis in (("row", 1), ("column", 0)):
-        profile = structure.describe(master.mean(axis))
+        profile = describe(master.mean(axis))
         curves[f"{name}_profile_dn"] = profile.values
         curves[f"{name}_frequency"], curves[f"{name}_power"] = profile.frequency, profile.power
         if profile.peaks.size:
@@ -205,3 +209,53 @@ def add_in_electrons(found: Findings, name: str, interval_dn: tuple[float, ...],
     if not found.gain.measured:
         source += ", gain as given"
     found.add(f"{name}_e", widen(scaled, found.gain.relative_error), "e-", source)
+
+
+@dataclass(frozen=True)
+class LineProfile:
+    """One profile: values and their power spectrum; levels and slow course are part of the law in `visaug.camera.patterns`."""
+
+    values: np.ndarray
+    frequency: np.ndarray
+    power: np.ndarray
+
+    @property
+    def peaks(self) -> np.ndarray:
+        """Frequencies (cycles per line) whose power no white normal pattern would show (1 % in all)."""
+        power, even = self.power[1:].copy(), len(self.values) % 2 == 0
+        m = len(power) - even
+        fewest_frequencies = 8
+        if m < fewest_frequencies:
+            return np.empty(0)
+        rank = (m + 1) // 2
+        median = np.partition(power[:m], rank - 1)[rank - 1]
+        if not median > 0:  # lines without noise
+            return np.empty(0)
+        if even:
+            # Half the sampling frequency has one degree of freedom, the others two: the same probability.
+            white = median / np.log(2)
+            power[-1] = -white * (np.log(2) + log_ndtr(-np.sqrt(power[-1] / white)))
+        return self.frequency[1:][power > _least_peak(m, rank) * median]
+
+
+@lru_cache(maxsize=64)
+def _least_peak(m: int, rank: int) -> float:
+    """Ratio to their `rank`th smallest that one of m exponential values exceeds in 1 % of all draws, or less.
+
+    Above an order statistic M the values are independent M + Exp(1): the m - rank of them exceed c M in at most
+    (m - rank) E[exp(-(c - 1) M)], and E[exp(-s M)] is a ratio of gamma functions (A. Renyi's representation).
+    """
+    false_peaks = 0.01
+
+    def excess(s: float) -> float:
+        logs = gammaln(m + 1) + gammaln(m - rank + 1 + s) - gammaln(m - rank + 1) - gammaln(m + 1 + s)
+        return logs + np.log((m - rank + 1) / false_peaks)
+
+    return 1 + root_scalar(excess, bracket=(0.0, 1e4)).root
+
+
+def describe(values: np.ndarray) -> LineProfile:
+    """The profile of rows or columns, (n,) in any unit, about its mean."""
+    values = np.asarray(values, np.float64) - np.mean(values)
+    power = np.abs(np.fft.rfft(values)) ** 2 / len(values)
+    return LineProfile(values, np.fft.rfftfreq(len(values)), power)
