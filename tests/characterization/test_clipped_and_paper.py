@@ -7,7 +7,7 @@ from scipy import stats
 from tests.characterization.simulated import Sensor, plan
 from visaug.camera import Camera
 from visaug.characterization import characterize
-from visaug.characterization.cut_means import locations
+from visaug.characterization.clipped import locations
 from visaug.characterization.rounded import RoundedFit, _clustered
 from visaug.frames import FrameRecord, FrameSet
 

@@ -5,7 +5,7 @@ import pytest
 
 import visaug
 from visaug.characterization import characterize
-from visaug.characterization.cut_means import cut_mean
+from visaug.characterization.clipped import cut_mean
 from visaug.characterization.facts import temporal_variances
 from visaug.characterization.mosaic import find_mosaic
 from visaug.frames import FrameRecord, FrameSet

@@ -5,7 +5,7 @@ import pytest
 
 from visaug.characterization import characterize, tukey
 from visaug.characterization.result import Characterization
-from visaug.characterization.structure import describe
+from visaug.characterization.still import describe
 from visaug.frames import FrameRecord, FrameSet
 from visaug.statistics.findings import Estimate
 

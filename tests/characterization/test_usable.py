@@ -7,7 +7,7 @@ import pytest
 from scipy import ndimage, stats
 
 from visaug.characterization.alarms import all_warnings, found_by_checks
-from visaug.characterization.spatial import structured
+from visaug.characterization.nonuniformity import structured
 from visaug.characterization.usable import usable
 from visaug.core.errors import InputError
 from visaug.frames import FrameRecord, FrameSet

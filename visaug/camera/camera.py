@@ -1,6 +1,7 @@
 """A camera: its parameters, its chain of effects, and simulated exposures."""
 
 import copy
+import os
 from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -14,7 +15,6 @@ from torch import Tensor
 from visaug.camera import chain, paths
 from visaug.camera.colour import ColourPath, colour_path
 from visaug.camera.maps import effect_of, load_maps, moved, named_maps, set_map
-from visaug.camera.own import own_cameras, own_folder
 from visaug.camera.spec import CameraSpec, check_spec, read_spec
 from visaug.core.errors import InputError
 from visaug.core.files import write_text
@@ -30,6 +30,17 @@ def shipped() -> dict[str, Path]:
     """The cameras in the package: names and files."""
     files = sorted(Path(str(file)) for file in (resources.files("visaug.camera") / "data").iterdir())
     return {file.stem: file for file in files if file.suffix == ".yaml"}
+
+
+def own_folder() -> Path:
+    """$XDG_DATA_HOME/visaug/cameras; ~/.local/share stands for $XDG_DATA_HOME where that is not set."""
+    base = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
+    return Path(base) / "visaug" / "cameras"
+
+
+def own_cameras() -> dict[str, Path]:
+    """Names and files of the user's own cameras."""
+    return {file.stem: file for file in sorted(own_folder().glob("*.yaml"))}
 
 
 def camera_file(source: str | Path) -> Path:
@@ -177,11 +188,8 @@ class Camera:
             else:
                 entry = next((entry for entry in content.get("effects", ()) if entry["name"] == effect), None)
                 if entry is None or key not in catalogue()[effect].parameters:
-                    raise InputError(
-                        "is not a parameter of this camera",
-                        field=path,
-                        expected=f"one of {', '.join(self.values())}",
-                    )
+                    expected = f"one of {', '.join(self.values())}"
+                    raise InputError("is not a parameter of this camera", field=path, expected=expected)
                 entry[key] = value
         try:
             return self._changed(content)
@@ -208,13 +216,11 @@ class Camera:
         """Returns the camera without one of its further effects and its entries in `randomize`."""
         content = self.to_dict()
         content["effects"] = [entry for entry in content.get("effects", ()) if entry["name"] != name]
-        content["randomize"] = {
-            k: v for k, v in content.get("randomize", {}).items() if not k.startswith(f"{name}.")
-        }
+        own = f"{name}."
+        randomize, pairs = content.get("randomize", {}), content.get("correlated", ())
+        content["randomize"] = {path: law for path, law in randomize.items() if not path.startswith(own)}
         content["correlated"] = [
-            pair
-            for pair in content.get("correlated", ())
-            if not any(path.startswith(f"{name}.") for path in pair[:2])
+            (a, b, c) for a, b, c in pairs if not (a.startswith(own) or b.startswith(own))
         ]
         return self._changed(content)
 
@@ -271,8 +277,7 @@ class Camera:
         Args:
             photons: (B, C, H, W) float32, mean photons per pixel and exposure.
             stream: the random numbers; its window is the part of the sensor that the images show.
-            values: parameters that differ from the nominal values, by path: scalars, (B,) or (B, 1, 1, 1); may require
-                gradients.
+            values: parameters that differ from the nominal values, by path: scalars, (B,) or (B, 1, 1, 1); may require gradients.
             sequence: True if the batch consists of consecutive frames, for lag and drift; `memory` carries state from batch
                 to batch.
             watch: called with (effect, signal) after each effect.
@@ -319,21 +324,17 @@ class Camera:
         """
         if stream is None:
             batch, channels, rows, columns = picture.shape
-            stream = Stream(
-                range(batch), range(batch), channels, (range(rows), range(columns)), picture.device
-            )
+            window, numbers = (range(rows), range(columns)), range(batch)
+            stream = Stream(numbers, numbers, channels, window, picture.device)
         full = self._full(values, picture.device)
         context = self._context(full, stream, False, None, None)
         return chain.finish(self.effects, picture, full, self.choices(), stream, context)
 
     def _full(self, values: Mapping[str, Tensor | float] | None, device: torch.device) -> dict[str, Tensor]:
         """Every number by path, (1 or B, 1, 1, 1)."""
-        nominal = self.values()
-        full: dict[str, Tensor] = {}
-        for path, value in {**nominal, **(values or {})}.items():
-            tensor = torch.as_tensor(value, dtype=torch.float32, device=device)
-            full[path] = tensor.reshape(-1, 1, 1, 1)
-        return full
+        every = {**self._values, **(values or {})}
+        tensors = {path: torch.as_tensor(v, dtype=torch.float32, device=device) for path, v in every.items()}
+        return {path: tensor.reshape(-1, 1, 1, 1) for path, tensor in tensors.items()}
 
     def _context(
         self,

@@ -42,8 +42,7 @@ def expose(
         photons: (B, C, H, W) float32, mean photons per pixel behind an ideal lens.
         values: every number of the camera by path, (B, 1, 1, 1).
         choices: every choice by path.
-        stream: its forks by the effects' names are the effects' random numbers, so adding an effect changes
-            no other's.
+        stream: its forks by the effects' names are the effects' random numbers, so adding an effect changes no other's.
         context: exposure, temperature, window and other conditions.
         watch: called with each effect and the signal after it.
         mosaic: the colour filters, where there are any: they let one of three planes through to each pixel, after the optics.

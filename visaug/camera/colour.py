@@ -171,11 +171,8 @@ def check_size(images: Tensor) -> None:
     if channels not in (1, 3):
         raise InputError(f"images have {channels} channels", expected="1 or 3 channels for a colour camera")
     if min(rows, columns) <= REACH:
-        least = REACH + 1
-        raise InputError(
-            f"images have {rows} x {columns} pixels",
-            expected=f"{least} x {least} or more for a colour camera",
-        )
+        expected = f"{REACH + 1} x {REACH + 1} or more for a colour camera"
+        raise InputError(f"images have {rows} x {columns} pixels", expected=expected)
 
 
 def _loops(tensor: Tensor) -> Any:

@@ -109,11 +109,8 @@ def drawn(
 
     def kept_map(path: str) -> Tensor | None:
         sigma = float(values[path][0]) if kept else 0.0
-        return (
-            _kept_map(int(pattern_keys[0]), path.partition(".")[0], sigma, channels, window)
-            if sigma
-            else None
-        )
+        effect = path.partition(".")[0]
+        return _kept_map(int(pattern_keys[0]), effect, sigma, channels, window) if sigma else None
 
     return fused.Drawn(numbers, table, rows, columns, (kept_map("prnu.pixel"), kept_map("dsnu.pixel_e")))
 
@@ -142,11 +139,8 @@ def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: b
     if not kept:
         n[:, k.CORE :] = read_curves(n[:, k.READ_SCALE_E], shape)
     n[:, k.AFTER_GAIN_E] = values["read_noise.after_gain_dn"] * gain
-    n[:, k.E_PER_DN], n[:, k.BLACK_DN], n[:, k.MAX_DN] = (
-        gain,
-        values["black_level_dn"],
-        2**camera.bit_depth - 1,
-    )
+    n[:, k.E_PER_DN], n[:, k.BLACK_DN] = gain, values["black_level_dn"]
+    n[:, k.MAX_DN] = 2**camera.bit_depth - 1
     for place, vary in ((k.ROW_DEVIATIONS, "row"), (k.COLUMN_DEVIATIONS, "column")):
         n[:, place], n[:, place + 1] = values[f"prnu.{vary}"], values[f"dsnu.{vary}_e"]
         if f"{vary}_noise" in camera.sensor_effects:

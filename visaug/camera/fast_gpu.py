@@ -17,7 +17,6 @@ from visaug.core.sampling.philox import MASK, mix
 
 STEP = 0x9E3779B97F4A7C15 - 2**64
 LARGE_MEAN = 16.0
-TERMS = 52  # of the Poisson sum: P(N > 52) is below 1e-11 at a mean of 16
 
 
 def noisy(
@@ -89,7 +88,7 @@ def _few(mean: Tensor, u: Tensor) -> Tensor:
     """Poisson quantile by summing, for means up to a little over LARGE_MEAN."""
     term = torch.exp(-mean)
     left, count = u - term, torch.zeros_like(u)
-    for i in range(1, TERMS + 1):
+    for i in range(1, 53):  # P(N > 52) is below 1e-11 at a mean of 16
         count = count + (left > 0)
         term = term * (mean / i)
         left = left - term

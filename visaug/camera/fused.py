@@ -1,7 +1,5 @@
 """Runs of base effects as one compiled loop on a CPU: the random numbers and values of the effects one by one, but for rounding."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple

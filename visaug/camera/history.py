@@ -9,8 +9,6 @@ how long the camera remembers is found by taking a few small frames, so an effec
   histories, which differ in light and in chance, lead to the same frames within `FORGOTTEN`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
@@ -41,14 +39,14 @@ class Reach:
     depth: int
 
     @classmethod
-    def of(cls, camera: Camera) -> Reach:
+    def of(cls, camera: Camera) -> "Reach":
         """Found by taking a few small frames with the camera, once for each."""
         if camera not in _found:
             _found[camera] = cls._by_trial(camera)
         return _found[camera]
 
     @classmethod
-    def _by_trial(cls, camera: Camera) -> Reach:
+    def _by_trial(cls, camera: Camera) -> "Reach":
         memory: Memory = {}
         _take(camera, memory, [0.5], 0, min(SMALL, *camera.resolution))
         states = [is_of_whole_frame(state) for state in memory.values()]

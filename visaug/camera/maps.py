@@ -44,7 +44,7 @@ def load_maps(spec: "CameraSpec", folder: Path | None) -> dict[str, Tensor]:
         InputError: a missing or unreadable file, another shape than the sensor's, or a value that is not
             finite or, of what cannot be below 0, negative.
     """
-    found = {}
+    found, folder = {}, folder or Path()
     named = named_maps(spec)
     for i, entry in enumerate(spec.effects):
         if entry["name"] == Unexplained.name and Unexplained.name not in named:
@@ -52,16 +52,15 @@ def load_maps(spec: "CameraSpec", folder: Path | None) -> dict[str, Tensor]:
             raise InputError("is missing", field=f"effects.{i}.map", expected=expected)
     for effect, (name, key) in named.items():
         if effect == Unexplained.name:
-            parts = _read_parts(name, key, folder or Path(), spec.resolution)
+            parts = _read_parts(name, key, folder, spec.resolution)
             found |= {f"{effect}.{part}": torch.from_numpy(values) for part, values in parts.items()}
-            continue
-        if catalogue()[effect].map_is_table:
-            found[effect] = torch.from_numpy(_read_table(name, key, folder or Path()))
-            continue
-        pixels = _read(name, key, folder or Path(), spec.resolution)
-        if catalogue()[effect].map_low > pixels.min():
-            raise InputError("holds negative values", file=(folder or Path()) / name, field=key)
-        found[effect] = torch.from_numpy(np.broadcast_to(pixels, spec.resolution).copy())
+        elif catalogue()[effect].map_is_table:
+            found[effect] = torch.from_numpy(_read_table(name, key, folder))
+        else:
+            pixels = _read(name, key, folder, spec.resolution)
+            if catalogue()[effect].map_low > pixels.min():
+                raise InputError("holds negative values", file=folder / name, field=key)
+            found[effect] = torch.from_numpy(np.broadcast_to(pixels, spec.resolution).copy())
     return found
 
 
@@ -72,12 +71,9 @@ def effect_of(key: str) -> str:
 
 def moved(name: str, old: Path | None, new: Path) -> str:
     """A map's name as seen from another folder; the file stays where it is."""
-    path = (old or Path()) / name
-    return (
-        name
-        if Path(name).is_absolute()
-        else Path(os.path.relpath(path.absolute(), new.absolute())).as_posix()
-    )
+    if Path(name).is_absolute():
+        return name
+    return Path(os.path.relpath(((old or Path()) / name).absolute(), new.absolute())).as_posix()
 
 
 def _read(name: str, field: str, folder: Path, resolution: tuple[int, int]) -> np.ndarray:
@@ -89,9 +85,8 @@ def _read(name: str, field: str, folder: Path, resolution: tuple[int, int]) -> n
         raise InputError(error.problem, file=error.file, field=field, expected=error.expected) from error
     if any(size not in (1, whole) for size, whole in zip(pixels.shape, resolution)):
         expected = f"{resolution[0]} x {resolution[1]}, the camera's resolution, or 1 for a profile"
-        raise InputError(
-            f"is {pixels.shape[0]} x {pixels.shape[1]}", file=folder / name, field=field, expected=expected
-        )
+        problem = "is {} x {}".format(*pixels.shape)
+        raise InputError(problem, file=folder / name, field=field, expected=expected)
     if not np.isfinite(pixels).all():
         raise InputError("holds values that are not finite", file=folder / name, field=field)
     return pixels
@@ -103,18 +98,15 @@ def _read_table(name: str, field: str, folder: Path) -> np.ndarray:
     try:
         values = np.load(file) if file.suffix == ".npy" else np.loadtxt(file)
     except (OSError, ValueError) as error:
-        raise InputError(
-            "cannot be read", file=file, field=field, expected=".npy or a text of numbers"
-        ) from error
+        expected = ".npy or a text of numbers"
+        raise InputError("cannot be read", file=file, field=field, expected=expected) from error
     values = np.atleast_1d(np.asarray(values).squeeze())
     if values.ndim != 1 or len(values) < 2 or values.dtype.kind not in "fiu":
-        raise InputError(
-            f"has shape {values.shape}", file=file, field=field, expected="2 numbers or more in a row"
-        )
+        problem = f"has shape {values.shape}"
+        raise InputError(problem, file=file, field=field, expected="2 numbers or more in a row")
     if not np.isfinite(values).all() or values.min() < 0 or values.max() > 1:
-        raise InputError(
-            "holds a value below 0, above 1 or not finite", file=file, field=field, expected="0 to 1"
-        )
+        problem = "holds a value below 0, above 1 or not finite"
+        raise InputError(problem, file=file, field=field, expected="0 to 1")
     return values.astype(np.float32)
 
 

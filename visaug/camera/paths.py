@@ -51,15 +51,9 @@ def place_of(path: str) -> ResolvedPath:
 
 def numeric_values(spec: "CameraSpec") -> dict[str, float]:
     """Every number of a camera that can be randomised, fitted or differentiated, by path."""
-    values = {
-        "quantum_efficiency": spec.quantum_efficiency,
-        "gain_e_per_dn": spec.gain_e_per_dn,
-        "gain_db": spec.gain_db,
-        "black_level_dn": spec.black_level_dn,
-        "full_well_e": float("inf") if spec.full_well_e is None else spec.full_well_e,
-        "exposure_s": spec.exposure_s,
-        "temperature_c": spec.temperature_c,
-    }
+    values = {name: getattr(spec, name) for name in (*TOP_LEVEL, "exposure_s", "temperature_c")}
+    if values["full_well_e"] is None:
+        values["full_well_e"] = float("inf")
     for part in PARTS:
         for key, value in getattr(spec, part).model_dump().items():
             if isinstance(value, float):

@@ -19,8 +19,6 @@ from scipy.special import ndtr, ndtri
 
 from visaug.core.errors import InputError
 
-LINE = 8.0  # times the mean of its neighbours: a period, no chance
-
 
 @dataclass(frozen=True)
 class Mixture:
@@ -110,8 +108,7 @@ def fit_pattern(master_bias_e: np.ndarray, noise_e: float = 0.0) -> FixedPattern
 
     Args:
         master_bias_e: (rows, columns) in e-, black level off: (mean frame - black level) * gain_e_per_dn.
-        noise_e: what is left of the read noise in it, its deviation / sqrt(number of frames): taken off the
-            pixels' part.
+        noise_e: what is left of the read noise in it, its deviation / sqrt(number of frames): taken off the pixels' part.
 
     Raises:
         InputError: fewer than 32 rows or columns, or values that are not finite.
@@ -202,8 +199,9 @@ def _smooth(power: np.ndarray) -> np.ndarray:
     smoothing = 5  # bins of the periodogram that are averaged; single peaks are kept
     padded = np.pad(power, smoothing // 2, mode="reflect")
     window = np.lib.stride_tricks.sliding_window_view(padded, smoothing)
-    line = power > LINE * np.median(window, axis=1) / np.log(2)
-    calm = np.where(line, np.median(window, axis=1) / np.log(2), power)
+    beside = np.median(window, axis=1)
+    line = power > 8.0 * beside / np.log(2)  # a period, no chance
+    calm = np.where(line, beside / np.log(2), power)
     mean = np.convolve(
         np.pad(calm, smoothing // 2, mode="reflect"), np.full(smoothing, 1 / smoothing), "valid"
     )

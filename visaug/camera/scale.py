@@ -20,9 +20,10 @@ from visaug.camera.maps import effect_of
 from visaug.camera.paths import place_of
 from visaug.effects import Stage, catalogue
 
-RESPONSE = {"prnu": "", "dark_current_nonuniformity": "spread", "light_drift": "sigma"}
 # relative scatter: of gains, dark currents, the light
-RESPONSE |= {"tap_mismatch": "gain", "row_parity": "gain"}
+RESPONSE = {
+    "prnu": "", "dark_current_nonuniformity": "spread", "light_drift": "sigma", "tap_mismatch": "gain", "row_parity": "gain",
+}  # fmt: skip
 # of s, by the unit
 POWERS = {"e-/DN": -2, "e-/s": -2, "e-/px": -2, "photons": -2, "1/(1000 e-)": 2}
 # of measured maps that their unit alone does not tell: levels are charge, variances squares

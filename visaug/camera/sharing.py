@@ -9,9 +9,8 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from visaug.camera.camera import Camera, camera_file, shipped
+from visaug.camera.camera import Camera, camera_file, own_folder, shipped
 from visaug.camera.maps import named_maps, set_map
-from visaug.camera.own import own_folder
 from visaug.core.documents import parse_yaml
 from visaug.core.errors import InputError
 from visaug.core.files import whole_folder, write_bytes, write_text, write_yaml
@@ -45,11 +44,9 @@ def documented(file: Path) -> Camera:
     content = parse_yaml(file.read_text(encoding="utf-8"), file)
     known, assumed, source = figures(content), camera.spec.assumed, camera.spec.source
     if not isinstance(source, dict):
+        expected = "path: where it is from, such as {gain_e_per_dn: EMVA 1288 report of ...}"
         raise InputError(
-            "does not name the source of each figure",
-            file=file,
-            field="source",
-            expected="path: where it is from, such as {gain_e_per_dn: EMVA 1288 report of ...}",
+            "does not name the source of each figure", file=file, field="source", expected=expected
         )
     for path, text in source.items():
         if not text.strip():
@@ -58,12 +55,8 @@ def documented(file: Path) -> Camera:
             )
     told = {*source, *assumed}
     if untold := [path for path in known if not {path, path.partition(".")[0]} & told]:
-        raise InputError(
-            f"{', '.join(untold)} {'has' if len(untold) == 1 else 'have'} neither a source nor an entry in `assumed`",
-            file=file,
-            field="source",
-            expected="one of the two for every figure",
-        )
+        problem = f"{', '.join(untold)} {'has' if len(untold) == 1 else 'have'} neither a source nor an entry in `assumed`"
+        raise InputError(problem, file=file, field="source", expected="one of the two for every figure")
     if both := sorted({*assumed} & source.keys()):
         raise InputError(f"{both[0]} has a source too", file=file, field="assumed", expected="one of the two")
     parts = {path.partition(".")[0] for path in known}
@@ -92,9 +85,8 @@ def add_camera(file: str | Path, force: bool = False) -> Path:
             f"is {camera.name!r}", file=file, field="name", expected="1 to 64 letters and digits"
         )
     if name in shipped():
-        raise InputError(
-            f"{name} is a camera in the package", file=file, field="name", expected="another name"
-        )
+        problem = f"{name} is a camera in the package"
+        raise InputError(problem, file=file, field="name", expected="another name")
     target = own_folder() / f"{name}.yaml"
     if target.exists() and not force:
         raise InputError("already exists", file=target, expected="another name in the file, or --force")
@@ -115,12 +107,8 @@ def export_camera(name: str | Path, destination: str | Path | None = None) -> Pa
     file = camera_file(name)
     camera = documented(file)
     if not camera.spec.licence:
-        raise InputError(
-            "is missing",
-            file=file,
-            field="licence",
-            expected="under which licence the figures may be passed on",
-        )
+        expected = "under which licence the figures may be passed on"
+        raise InputError("is missing", file=file, field="licence", expected=expected)
     folder = Path(destination) if destination is not None else Path(f"{file.stem}-camera")
     with whole_folder(folder) as filled:
         target = filled / f"{file.stem}.yaml"

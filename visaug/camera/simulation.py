@@ -15,6 +15,7 @@ from visaug.camera.history import DEEPEST, SMALL, Reach, is_of_whole_frame, with
 from visaug.core.errors import InputError
 from visaug.core.sampling import Stream, derive_key
 from visaug.frames import FrameRecord, FrameSet
+from visaug.frames.record import Window
 
 BATCH_PIXELS = 600_000  # about what stays in a processor's cache while a batch goes through the chain
 
@@ -148,7 +149,8 @@ def exposures(
         if shown not in (None, window):  # the charge in the pixels of another window is unknown
             memory = {name: state for name, state in memory.items() if is_of_whole_frame(state)}
         shown = window
-        photons = light(plan, positions, window)
+        shape = (window[1] - window[0], window[3] - window[2])
+        photons = torch.stack([_photons(plan, i, shape) for i in positions])
         block = _exposed(camera, plan, positions, photons, seed, window, memory, maps)
         got = [k for k, i in enumerate(positions) if i in wanted]
         if got:
@@ -161,45 +163,25 @@ def _exposed(
     positions: Sequence[int],
     photons: Tensor,
     seed: int,
-    window: tuple[int, int, int, int],
+    window: Window,
     memory: dict[str, Tensor],
     maps: dict[tuple, Tensor] | None = None,
 ) -> Tensor:
-    """Frames of the plan; `memory` and `maps`, the camera's own random numbers, are carried from batch to batch."""
-    stream, values = conditions(camera, plan, positions, seed, window, maps)
-    return camera.expose(photons, stream, values, sequence=True, memory=memory)
-
-
-def conditions(
-    camera: Camera,
-    plan: FrameSet,
-    positions: Sequence[int],
-    seed: int,
-    window: tuple[int, int, int, int],
-    maps: dict[tuple, Tensor] | None = None,
-) -> tuple[Stream, dict[str, Tensor]]:
-    """Random numbers and operating conditions of frames of the plan.
-
-    Args:
-        maps: keeps the camera's own random numbers, see `Stream`.
+    """Frames of the plan under its conditions; `memory` and `maps`, the camera's own random numbers (see `Stream`), are carried
+    from batch to batch.
     """
     records = [plan.records[i] for i in positions]
     r0, r1, c0, c1 = window
     keys = [derive_key(seed, "frame", record.sequence) for record in records]
-    camera_key = derive_key(seed, "camera")
-    stream = Stream(keys, [camera_key] * len(records), 1, (range(r0, r1), range(c0, c1)), drawn=maps)
+    cameras = [derive_key(seed, "camera")] * len(records)
+    stream = Stream(keys, cameras, 1, (range(r0, r1), range(c0, c1)), drawn=maps)
     own = camera.spec.temperature_c
-    return stream, {
+    values: dict[str, Tensor | float] = {
         "exposure_s": torch.tensor([record.exposure_s for record in records]),
         "gain_db": torch.tensor([float(record.gain_db) for record in records]),
         "temperature_c": torch.tensor([float(own if (t := r.temperature_c) is None else t) for r in records]),
     }
-
-
-def light(plan: FrameSet, positions: Sequence[int], window: tuple[int, int, int, int]) -> Tensor:
-    """Mean photons of frames that show a window of the sensor, (n, 1, H, W)."""
-    shape = (window[1] - window[0], window[3] - window[2])
-    return torch.stack([_photons(plan, i, shape) for i in positions])
+    return camera.expose(photons, stream, values, sequence=True, memory=memory)
 
 
 def _stepped(
@@ -207,9 +189,8 @@ def _stepped(
 ) -> dict[str, Tensor]:
     """The memory after frames that are not wanted, as far as it is one number for a whole frame."""
     state = {name: value for name, value in memory.items() if is_of_whole_frame(value)}
-    stepped = 1000  # frames whose states are stepped at a time
-    for first in range(skipped.start, skipped.stop, stepped):
-        positions = range(first, min(first + stepped, skipped.stop))
+    for first in range(skipped.start, skipped.stop, 1000):  # frames whose states are stepped at a time
+        positions = range(first, min(first + 1000, skipped.stop))
         levels = [_mean_photons(plan, i) for i in positions]
         photons = torch.tensor(levels).view(-1, 1, 1, 1).expand(-1, 1, SMALL, SMALL)
         _exposed(camera, plan, positions, photons, seed, (0, SMALL, 0, SMALL), state)
@@ -250,15 +231,13 @@ def batches(
         yield batch
 
 
-def window_of(camera: Camera, record: FrameRecord) -> tuple[int, int, int, int]:
+def window_of(camera: Camera, record: FrameRecord) -> Window:
     rows, columns = camera.resolution
     window = record.window or (0, rows, 0, columns)
     if window[1] > rows or window[3] > columns:
+        expected = f"rows up to {rows}, columns up to {columns}"
         raise InputError(
-            f"{window} lies outside the sensor",
-            file=record.file,
-            field="region",
-            expected=f"rows up to {rows}, columns up to {columns}",
+            f"{window} lies outside the sensor", file=record.file, field="region", expected=expected
         )
     return window
 
@@ -269,21 +248,13 @@ def _photons(plan: FrameSet, i: int, shape: tuple[int, int]) -> Tensor:
         return torch.zeros(1, *shape)
     if record.kind == "flat":
         if record.photons is None:
-            raise InputError(
-                "a flat cannot be simulated without photons",
-                file=record.file,
-                field="photons",
-                expected="mean photons per pixel",
-            )
+            problem = "a flat cannot be simulated without photons"
+            raise InputError(problem, file=record.file, field="photons", expected="mean photons per pixel")
         return torch.full((1, *shape), float(record.photons))
     if record.kind == "scene":
         clean = torch.from_numpy(np.ascontiguousarray(plan.clean(i), np.float32))
         if tuple(clean.shape) != shape:
             raise InputError(f"is {tuple(clean.shape)}", file=record.clean, expected=f"{shape}, as the frame")
         return clean[None]
-    raise InputError(
-        f"a frame of kind {record.kind!r} cannot be simulated",
-        file=record.file,
-        field="kind",
-        expected="bias, dark, flat or scene",
-    )
+    problem = f"a frame of kind {record.kind!r} cannot be simulated"
+    raise InputError(problem, file=record.file, field="kind", expected="bias, dark, flat or scene")

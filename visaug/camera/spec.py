@@ -168,16 +168,13 @@ class CameraSpec(_Part):
         return min(self.range_e, self.full_well_e or self.range_e) / self.quantum_efficiency
 
 
+_PARTS = (
+    part
+    for f in CameraSpec.model_fields.values()
+    for part in (f.annotation, *getattr(f.annotation, "__args__", ()))
+)
 _KEYS = sorted(
-    {
-        *CameraSpec.model_fields,
-        *(
-            key
-            for field in CameraSpec.model_fields.values()
-            for part in (field.annotation, *getattr(field.annotation, "__args__", ()))
-            for key in getattr(part, "model_fields", ())
-        ),
-    }
+    {*CameraSpec.model_fields, *(key for part in _PARTS for key in getattr(part, "model_fields", ()))}
 )
 
 
@@ -185,9 +182,8 @@ def read_spec(path: Path) -> CameraSpec:
     """The checked content of a camera file."""
     content = read_yaml(path, "a camera.yaml")
     if not isinstance(content, dict):
-        raise InputError(
-            "holds no keys", file=path, expected="a camera.yaml with name, resolution, gain_e_per_dn ..."
-        )
+        expected = "a camera.yaml with name, resolution, gain_e_per_dn ..."
+        raise InputError("holds no keys", file=path, expected=expected)
     return check_spec(content, path)
 
 
@@ -236,18 +232,12 @@ def check_spec(content: dict[str, Any], file: Path | None = None) -> CameraSpec:
     for i, entry in enumerate(spec.effects):
         _check_effect(entry, f"effects.{i}", file)
     names = [entry["name"] for entry in spec.effects]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(
-                f"{name} is listed twice", file=file, field="effects", expected="each effect once"
-            )
-    if spec.black_level_dn >= 2**spec.bit_depth - 1:
-        raise InputError(
-            f"{spec.black_level_dn:g} leaves no range for the signal",
-            file=file,
-            field="black_level_dn",
-            expected=f"less than {2**spec.bit_depth - 1}, the highest code of {spec.bit_depth} bits",
-        )
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise InputError(f"{twice} is listed twice", file=file, field="effects", expected="each effect once")
+    if spec.black_level_dn >= (top := 2**spec.bit_depth - 1):
+        problem = f"{spec.black_level_dn:g} leaves no range for the signal"
+        expected = f"less than {top}, the highest code of {spec.bit_depth} bits"
+        raise InputError(problem, file=file, field="black_level_dn", expected=expected)
     _check_randomize(spec, file)
     return spec
 
@@ -259,49 +249,38 @@ def _refuse_switches(content: Any, path: str, file: Path | None) -> None:
     parts = (
         content.items()
         if isinstance(content, dict)
-        else enumerate(content)
-        if isinstance(content, list)
-        else ()
+        else enumerate(content if isinstance(content, list) else ())
     )
     for key, value in parts:
         _refuse_switches(value, f"{path}.{key}" if path else str(key), file)
 
 
 def _check_effect(entry: dict[str, Any], path: str, file: Path | None) -> None:
-    name = entry.get("name")
-    known = {key: effect for key, effect in catalogue().items() if not effect.base}
+    name, every = entry.get("name"), catalogue()
+    known = {key: effect for key, effect in every.items() if not effect.base}
     if not isinstance(name, str) or name not in known:
         expected = (
             "a name that `visaug effects` lists; an effect of your own is loaded first: --effects FILE.py, or "
             "visaug.effects.load_file in Python"
         )
-        base = isinstance(name, str) and name in catalogue()
-        problem = (
-            f"{name} is part of every camera and has keys of its own"
-            if base
-            else f"{name!r} is not an effect"
-        )
-        problem += "" if base else did_you_mean(str(name), known)
+        problem = f"{name!r} is not an effect{did_you_mean(str(name), known)}"
+        if isinstance(name, str) and name in every:
+            problem = f"{name} is part of every camera and has keys of its own"
         raise InputError(problem, file=file, field=f"{path}.name", expected=expected)
     for key, value in list(entry.items()):
         if key == "name":
             continue
+        field = f"{path}.{key}"
         if key == "map" and known[name].map_unit:
             if not isinstance(value, str):
-                raise InputError(
-                    f"{value!r} is not a file",
-                    file=file,
-                    field=f"{path}.map",
-                    expected=f"a map in {known[name].map_unit}",
-                )
+                expected = f"a map in {known[name].map_unit}"
+                raise InputError(f"{value!r} is not a file", file=file, field=field, expected=expected)
             continue
         if key not in known[name].parameters:
             expected = f"one of {', '.join(known[name].parameters)}"
-            raise InputError(
-                f"is not a parameter of {name}", file=file, field=f"{path}.{key}", expected=expected
-            )
+            raise InputError(f"is not a parameter of {name}", file=file, field=field, expected=expected)
         entry[key] = _number(value)
-        check_value(known[name].parameters[key], entry[key], f"{path}.{key}", file)
+        check_value(known[name].parameters[key], entry[key], field, file)
 
 
 def _number(value: Any) -> Any:
@@ -320,11 +299,9 @@ def _check_randomize(spec: CameraSpec, file: Path | None) -> None:
     for path, spread in spec.randomize.items():
         field = f"randomize.{path}"
         if path not in known:
+            expected = f"one of {', '.join(known)}"
             raise InputError(
-                "is not a numeric parameter of this camera",
-                file=file,
-                field=field,
-                expected=f"one of {', '.join(known)}",
+                "is not a numeric parameter of this camera", file=file, field=field, expected=expected
             )
         _check_spread(spread, place_of(path).parameter, field, file)
     for i, (one, other, coefficient) in enumerate(spec.correlated):
@@ -352,12 +329,8 @@ def _check_spread(spread: Any, parameter: Parameter, field: str, file: Path | No
         kind, size = next(iter(spread.items()))
     if kind in ("std", "half_normal") and isinstance(size, int | float):
         if not 0 <= size < math.inf:
-            raise InputError(
-                f"{size!r} is out of range",
-                file=file,
-                field=field,
-                expected="a standard deviation, 0 or more",
-            )
+            expected = "a standard deviation, 0 or more"
+            raise InputError(f"{size!r} is out of range", file=file, field=field, expected=expected)
     elif kind in ("uniform", "log_uniform") and isinstance(size, list) and len(size) == 2:
         low, high = size
         if not parameter.low <= low <= high <= parameter.high or not math.isfinite(high):

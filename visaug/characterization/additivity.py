@@ -1,8 +1,4 @@
-"""Whether flats are dark frames plus light, and variance proportional to the signal: what the photon
-transfer's course tells.
-"""
-
-from __future__ import annotations
+"""Whether flats are dark frames plus light, and variance proportional to the signal: what the photon transfer's course tells."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,11 +8,10 @@ from scipy import stats
 
 from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.photon_transfer import safe_levels, saturated_level
-from visaug.statistics.findings import Findings
+from visaug.statistics.findings import FALSE_ALARM, Findings
 
 FROM_GAIN = ("gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "dsnu.*", "dark_current.*", "full_well_e", "prnu.*",
               "emva.*", "emva4.*", "emva4_corrected.*")  # fmt: skip
-_OTHER_C = 2.0  # a fifth of the dark current, which doubles every 8 degrees
 # difference in chi square above which one of two models with equally many parameters is preferred
 _TELLS = 10.0
 
@@ -39,32 +34,25 @@ class VarianceFits:
 
         Averages of m have 1/m of each variance, so that their line lies (1 - 1/m) of the dark variance too low.
         """
-        within = 3.0  # standard errors of the intercept
-        slack = within * abs(self.intercept_dn2 / self.lift) if self.lift else 0.0
+        slack = 3.0 * abs(self.intercept_dn2 / self.lift) if self.lift else 0.0  # three standard errors
         return -dark_dn2 - slack <= self.intercept_dn2 <= -dark_dn2 / 2 + slack
 
     @property
     def deviates(self) -> bool:
         """Whether the straight line is rejected, as a whole or for one that is lifted."""
-        value, df = self.straight
-        misfit = 0.002  # probability that a sound set deviates from the straight line by so much
-        return self.is_lifted or (df > 0 and float(stats.chi2.sf(value, df)) < misfit)
+        value, df = self.straight  # a sound set deviates from the straight line by so much once in 500
+        return self.is_lifted or (df > 0 and float(stats.chi2.sf(value, df)) < 0.002)
 
     @property
     def is_lifted(self) -> bool:
-        pedestal = 1e-3  # probability that a sound set shows a pedestal
-        return abs(self.lift) > float(stats.norm.isf(pedestal / 2))
+        return abs(self.lift) > float(stats.norm.isf(FALSE_ALARM / 2))
 
     @property
     def pedestal(self) -> bool:
         """Whether flats have another black level than the dark frames: lifted, and told from bent."""
-        return (
-            self.deviates
-            and self.bent is not None
-            and self.lifted is not None
-            and self.is_lifted
-            and self.bent[0] - self.lifted[0] > _TELLS
-        )
+        if self.bent is None or self.lifted is None:
+            return False
+        return self.deviates and self.is_lifted and self.bent[0] - self.lifted[0] > _TELLS
 
     @property
     def undecided(self) -> bool:
@@ -93,9 +81,8 @@ def course(levels: Sequence[FlatLevel]) -> VarianceFits:
     bent, lifted = fit((1, 2)), fit((0, 1))
     value, error = lifted[2], lifted[3]
     origin = -value[0] / value[1] if value[1] > 0 else 0.0
-    return VarianceFits(
-        straight[:2], bent[:2], lifted[:2], float(value[0] / error[0]), float(origin), float(value[0])
-    )
+    lift, origin, intercept = map(float, (value[0] / error[0], origin, value[0]))
+    return VarianceFits(straight[:2], bent[:2], lifted[:2], lift, origin, intercept)
 
 
 def pedestal(measured: Measured, found: Findings) -> bool:
@@ -120,7 +107,8 @@ def pedestal(measured: Measured, found: Findings) -> bool:
 
 def check_temperature(measured: Measured, found: Findings) -> None:
     """Flats whose dark frames are of another temperature contain a dark signal that is not taken off."""
-    apart = [v for v in measured.levels if v.degrees_apart > _OTHER_C and v.flat.group.exposure_s > 0]
+    other_c = 2.0  # a fifth of the dark current, which doubles every 8 degrees
+    apart = [v for v in measured.levels if v.degrees_apart > other_c and v.flat.group.exposure_s > 0]
     if not apart:
         return
     worst = max(apart, key=lambda v: v.degrees_apart)

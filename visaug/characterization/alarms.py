@@ -1,7 +1,5 @@
 """The warnings of the checks of the measurement model alone, for those who compare frames with a camera."""
 
-from __future__ import annotations
-
 from weakref import WeakKeyDictionary
 
 from visaug.characterization.model_checks import CHECKS

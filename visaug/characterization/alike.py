@@ -1,7 +1,5 @@
 """Frames taken alike: by their settings, and by their light where the settings are silent."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -28,7 +26,9 @@ def merged_groups(frames: FrameSet, facts: Sequence[Facts]) -> list[Group]:
     groups = []
     floor = floor_dn(frames, facts)
     for (kind, *_), members in found.items():
-        for same in _clusters(members, lambda i: frames.records[i].exposure_s, _same_exposure):
+        exposures = {i: frames.records[i].exposure_s for i in members}
+        # Shutters and headers round.
+        for same in _clusters(members, exposures.__getitem__, lambda a, b: b - a <= 1e-3 * b):
             for alike in _by_temperature(frames, same):
                 parts = _by_light(frames, alike, facts, floor) if kind == "flat" else [alike]
                 groups += [_group(frames, part) for part in parts]
@@ -40,17 +40,10 @@ def degrees_apart(a: float | None, b: float | None) -> float:
     return 0.0 if a is None or b is None else abs(a - b)
 
 
-def _same_exposure(a: float, b: float) -> bool:
-    same_exposure = 1e-3  # shutters and headers round
-    return b - a <= same_exposure * b
-
-
 def _by_temperature(frames: FrameSet, members: list[int]) -> list[list[int]]:
-    unknown = [i for i in members if frames.records[i].temperature_c is None]
-    known = [i for i in members if frames.records[i].temperature_c is not None]
-    clusters = _clusters(
-        known, lambda i: frames.records[i].temperature_c or 0.0, lambda a, b: b - a <= SAME_C
-    )
+    degrees = {i: t for i in members if (t := frames.records[i].temperature_c) is not None}
+    unknown = [i for i in members if i not in degrees]
+    clusters = _clusters([*degrees], degrees.__getitem__, lambda a, b: b - a <= SAME_C)
     return [*([unknown] if unknown else []), *clusters]
 
 
@@ -59,26 +52,22 @@ def _by_light(frames: FrameSet, members: list[int], facts: Sequence[Facts], floo
     by_photons: dict[float | None, list[int]] = {}
     for i in members:
         by_photons.setdefault(frames.records[i].photons, []).append(i)
-    lone = [i for p, same in by_photons.items() if len(same) == 1 and p for i in same]
+    lone = {same[0]: p for p, same in by_photons.items() if len(same) == 1 and p}
     groups = [same for same in by_photons.values() if same[0] not in lone]
-    same_light = 0.01
-    groups += _clusters(
-        lone, lambda i: frames.records[i].photons or 0.0, lambda a, b: b <= (1 + same_light) * a
-    )
+    groups += _clusters([*lone], lone.__getitem__, lambda a, b: b <= (1 + 0.01) * a)
     noise = float(np.median([facts[i].noise for i in members]))
 
     def level(i: int) -> float:
         return facts[i].mean - floor
 
     found = []
-    same_level = 0.1  # a lamp that flickers less stays one level: the share of its change is taken out
-    falling = 0.4
     for group in groups:
-        steps = _clusters(group, level, lambda a, b: b - a <= same_level * max(b, 0.0) + 0.1 * noise)
+        # A lamp that flickers by less than a tenth stays one level: the share of its change is taken out.
+        steps = _clusters(group, level, lambda a, b: b - a <= 0.1 * max(b, 0.0) + 0.1 * noise)
         single = [i for step in steps if len(step) == 1 for i in step] if len(steps) > 1 else []
         found += [step for step in steps if step[0] not in single]
         # Falling light: neighbours still tell the noise, for the change of the light is taken out.
-        found += _clusters(single, level, lambda a, b: b - a <= falling * max(b, 0.0))
+        found += _clusters(single, level, lambda a, b: b - a <= 0.4 * max(b, 0.0))
     return found
 
 

@@ -1,7 +1,5 @@
 """The content of a camera file from what a characterization found."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -13,30 +11,15 @@ if TYPE_CHECKING:
     from visaug.characterization.result import Characterization
 
 CAMERA_KEYS = (
-    "bit_depth",
-    "quantum_efficiency",
-    "gain_e_per_dn",
-    "gain_db",
-    "black_level_dn",
-    "full_well_e",
-    "exposure_s",
-    "temperature_c",
-    "read_noise.sigma_e",
-    "read_noise.shape",
-    "dark_current.a_e_per_s",
-    "dark_current.b_per_c",
-    "prnu.column",
-    "prnu.row",
-    "prnu.pixel",
-    "dsnu.column_e",
-    "dsnu.row_e",
-    "dsnu.pixel_e",
-)
+    "bit_depth", "quantum_efficiency", "gain_e_per_dn", "gain_db", "black_level_dn", "full_well_e", "exposure_s",
+    "temperature_c", "read_noise.sigma_e", "read_noise.shape", "dark_current.a_e_per_s", "dark_current.b_per_c",
+    "prnu.column", "prnu.row", "prnu.pixel", "dsnu.column_e", "dsnu.row_e", "dsnu.pixel_e",
+)  # fmt: skip
 _NEEDED = tuple(k for k in CAMERA_KEYS if k != "full_well_e")
 _SETTINGS = ("bit_depth", "gain_db", "exposure_s", "temperature_c")
 
 
-def camera_content(result: Characterization) -> dict[str, Any]:
+def camera_content(result: "Characterization") -> dict[str, Any]:
     """The content of a camera.yaml with what was measured, and what was assumed where nothing was.
 
     Raises:
@@ -82,7 +65,7 @@ def _put(content: dict[str, Any], found: Mapping[str, float]) -> None:
         content["read_noise"]["shape"] = max(shape, LEAST_SHAPE)
 
 
-def _effects(content: Mapping[str, Any], result: Characterization) -> list[dict[str, Any]]:
+def _effects(content: Mapping[str, Any], result: "Characterization") -> list[dict[str, Any]]:
     """Effects of the camera given, with the values of those that were measured."""
     effects = {e["name"]: e for e in content.get("effects", [])}
     for effect in result.effects:
@@ -91,7 +74,7 @@ def _effects(content: Mapping[str, Any], result: Characterization) -> list[dict[
     return list(effects.values())
 
 
-def _assumptions(result: Characterization, found: Mapping[str, float]) -> list[str]:
+def _assumptions(result: "Characterization", found: Mapping[str, float]) -> list[str]:
     """Paths of the camera file that nothing measured: taken from elsewhere, or left at their default."""
     paths = [k for k in result.assumed if k not in result.parameters and k not in _SETTINGS]
     paths += [k for k in _NEEDED if k not in found and result.base is None]

@@ -1,7 +1,5 @@
 """Bias frames that clip at 0, or whose noise is finer than the converter: read noise, DSNU and dark current."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 
@@ -9,7 +7,6 @@ import numpy as np
 from scipy import optimize
 
 from visaug.characterization import dark_current, tukey
-from visaug.characterization.cut_means import LineLocations, cut_mean, lines
 from visaug.characterization.dark import found_law
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments
@@ -23,11 +20,23 @@ from visaug.characterization.rounded import (
     take_sample,
 )
 from visaug.characterization.still import CLIPPED, add_in_electrons, add_profiles, master_bias
-from visaug.core.intervals import mean_error, root, symmetric, t_quantile, variance_combination
+from visaug.core.intervals import Interval, mean_error, root, symmetric, t_quantile, variance_combination
 from visaug.statistics.findings import Findings
 
 _UNCUT = "a higher black level: too few pixels of dark frames are above 0"
 _FINER = "a finer converter or more gain: the noise is below half a DN"
+
+
+@dataclass(frozen=True)
+class LineLocations:
+    """Locations of columns or of rows (DN), and the mean variance of their error (DN^2)."""
+
+    places: np.ndarray
+    error: float
+
+    @property
+    def variance(self) -> float:
+        return max(float(self.places.var(ddof=1)) - self.error, 0.0)
 
 
 @dataclass(frozen=True)
@@ -77,8 +86,7 @@ def _of_fine(sample: CodeHistograms, master: np.ndarray) -> _Solution:
     fit = fit_locations(sample, np.zeros(len(sample.rows)), None, free)
     rows, columns = (LineLocations(np.zeros(n), 0.0) for n in master.shape)
     pixel_variance = None
-    rounds = 2
-    for _ in range(rounds):
+    for _ in range(2):
         rows, columns, pixel_variance = lines(master, fit, rows, columns, pixel_variance)
         centre = columns.places[sample.columns] + rows.places[sample.rows] - rows.places.mean()
         fit = fit_locations(sample, centre, fit, free)
@@ -96,12 +104,10 @@ def _of_coarse(sample: CodeHistograms, master: np.ndarray, profile: SigmaLikelih
 
 def _noise_and_pattern(found: Findings, still: GroupMoments, solution: _Solution, source: str) -> None:
     fit, t = solution.fit, t_quantile(BLOCKS - 1)
-    unknown = 20.0  # half width of a logarithm of which nothing is known
     if not math.isnan(fit.shape):
-        half = min(t * math.sqrt(fit.covariance[0, 0]), unknown)
-        _read_noise(
-            found, (fit.sigma, fit.sigma * math.exp(-half), fit.sigma * math.exp(half)), source, _UNCUT
-        )
+        half = min(t * math.sqrt(fit.covariance[0, 0]), 20.0)  # of a logarithm of which nothing is known
+        bounds = fit.sigma * math.exp(-half), fit.sigma * math.exp(half)
+        _read_noise(found, (fit.sigma, *bounds), source, _UNCUT)
         shape = symmetric(fit.shape, math.sqrt(fit.covariance[1, 1]), BLOCKS - 1)
         found.add("read_noise.shape", tukey.hold_both_gaussians(shape), "1", source)
     for name, of, n in zip(("row", "column"), (solution.rows, solution.columns), still.shape, strict=True):
@@ -112,10 +118,9 @@ def _noise_and_pattern(found: Findings, still: GroupMoments, solution: _Solution
     add_in_electrons(found, "dsnu.pixel", root((variance, variance - half, variance + half)), source)
 
 
-def _read_noise(found: Findings, interval: tuple[float, float, float], source: str, needs: str) -> bool:
-    """Read noise from its value and bounds in DN; False, and an upper bound, where they are far apart."""
-    blind = 3.0  # upper over lower bound of the read noise from which on it counts as not determined
-    if interval[2] < blind * interval[1]:
+def _read_noise(found: Findings, interval: Interval, source: str, needs: str) -> bool:
+    """Read noise from its value and bounds in DN; False, and an upper bound, where they are a factor of three apart."""
+    if interval[2] < 3.0 * interval[1]:
         add_in_electrons(found, "read_noise.sigma", interval, source)
         return True
     unit, scale = ("DN", 1.0) if found.gain is None else ("e-", 1 / found.gain.dn_per_e)
@@ -136,9 +141,8 @@ def _black_level(
         step = min(max(math.sqrt(fit.covariance[k, k]), 1e-4), 0.1)
         up, down = (replace(fit, **{name: getattr(fit, name) + s}) for s in (step, -step))
         known = fit.covariance[k, k] == 0
-        slopes.append(
-            0.0 if known else (solution.level(master, up) - solution.level(master, down)) / (2 * step)
-        )
+        rise = 0.0 if known else solution.level(master, up) - solution.level(master, down)
+        slopes.append(rise / (2 * step))
     model = float(np.array(slopes) @ fit.covariance[:2, :2] @ slopes)
     error, df = mean_error(
         [
@@ -149,8 +153,7 @@ def _black_level(
             (still.frame_variance / still.n, still.n - 1),
         ]
     )
-    level = origin + float(solution.columns.places.mean())
-    interval = symmetric(level, error, df)
+    interval = symmetric(origin + float(solution.columns.places.mean()), error, df)
     found.add("black_level_dn", interval, "DN", source)
     if interval[2] < 0:
         found.warn(
@@ -170,8 +173,8 @@ def _coarse(
     )
     noise = (solution.fit.sigma, *bounds)
     told = _read_noise(found, noise, f"{source}, normal noise, interval by likelihood ratio", _FINER)
-    dither_dn = 0.3  # spread of values below which the mean of many pixels keeps the steps of the converter
-    if told and math.hypot(solution.fit.sigma, math.sqrt(solution.pixel_variance)) >= dither_dn:
+    # Below, the mean of many pixels keeps the steps of the converter.
+    if told and math.hypot(solution.fit.sigma, math.sqrt(solution.pixel_variance)) >= 0.3:
         return
     for name in [n for n in found.parameters if n.startswith(("dsnu.", "dark_current."))]:
         found.drop(name, _FINER)
@@ -206,9 +209,74 @@ def _dark(found: Findings, measured: Measured, still: GroupMoments, solution: _S
         shift = float(found_root.root)
         h = 0.05 * fit.sigma
         slope = (mean_at(shift + h) - mean_at(shift - h)) / (2 * h)
+        at = m.group.temperature_c, m.group.exposure_s, m.n
         scatter = m.frame_variance / max(slope, 0.02) ** 2
-        group = m.group
-        points.append(
-            dark_current.DarkPoint(group.temperature_c, group.exposure_s, m.n, shift, scatter, m.n - 1)
-        )
+        points.append(dark_current.DarkPoint(*at, shift, scatter, m.n - 1))
     found_law(found, dark_current.slopes(points))
+
+
+def lines(
+    master: np.ndarray, fit: RoundedFit, rows: LineLocations, columns: LineLocations, pixel_var: float | None
+) -> tuple[LineLocations, LineLocations, float]:
+    """Locations of rows and columns, by turns, and the pixels' variance (DN^2): as given, or what the two leave.
+
+    Without a value the fit's spread is that of all three together.
+    """
+    column_errors = master.std(0, ddof=1) / math.sqrt(len(master))
+    # columns are common to all rows and do not count
+    row_errors = (master - master.mean(0)).std(1, ddof=1) / math.sqrt(master.shape[1])
+    share = 0.5 * fit.spread**2 if pixel_var is None else pixel_var
+    for _ in range(6 if pixel_var is None else 2):  # each depends on the others
+        columns = locations(master.mean(0), column_errors, fit, share, rows.places)
+        rows = locations(master.mean(1), row_errors, fit, share, columns.places)
+        if pixel_var is None:
+            share = fit.spread**2 - min(columns.variance + rows.variance, 0.98 * fit.spread**2)
+    return rows, columns, share
+
+
+def locations(
+    means: np.ndarray, errors: np.ndarray, fit: RoundedFit, pixel_var: float, across: np.ndarray
+) -> LineLocations:
+    """Locations of columns (rows) whose cut mean is as measured.
+
+    Args:
+        means, errors: mean of each column and its standard error, DN.
+        pixel_var: variance of the pixels' own locations, DN^2.
+        across: locations of the rows, over which a column's mean runs: as they are, for few follow no law.
+    """
+    x, cut = cut_mean(fit, pixel_var)
+    offsets = across - across.mean()
+    reach = 12 * fit.sigma + np.abs(offsets).max()
+    grid = np.linspace(-reach, means.max() + reach, 800)
+    levels = grid[:, None] + offsets
+    curve = np.where(levels > x[-1], levels, np.interp(levels, x, cut)).mean(1)
+    floor = curve[min(np.searchsorted(curve, 1e-5 * fit.sigma), len(curve) - 1)]
+    places = np.interp(np.maximum(means, floor), curve, grid)
+    slope = np.interp(places, grid, np.gradient(curve, grid))
+    return LineLocations(places, float(np.mean((errors / np.maximum(slope, 0.02)) ** 2)))
+
+
+def cut_mean(fit: RoundedFit, within: float, electrons: float = 0.0, dn_per_e: float = 0.0):
+    """Grid of mean levels (DN) and the mean of max(0, level + noise), rounded, there.
+
+    The noise: read noise, N(0, within) of locations, and the Poisson spread (its skewness too) of `electrons`.
+    """
+    law = tukey.law(fit.shape)
+    step = law.x[1] - law.x[0]
+    t = 2 * np.pi * np.fft.rfftfreq(law.x.size, d=step)
+    jump = 1j * t * dn_per_e / fit.sigma
+    spectrum = law.phi(t) * np.exp(
+        -0.5 * within / fit.sigma**2 * t**2 + electrons * (np.exp(jump) - 1 - jump)
+    )
+    density = np.fft.fftshift(np.fft.irfft(spectrum, law.x.size)) / step  # of the noise with its sign turned
+    below = (np.cumsum(density) - 0.5 * density) * step
+    x = law.x * fit.sigma
+    if math.hypot(fit.sigma, math.sqrt(within)) < EVEN_DN:
+        codes = np.arange(math.ceil(max(x[-1], 1.0)) + 1)
+        cut = np.interp(x[:, None] - codes - 0.5, x, below, left=0.0, right=1.0).sum(1)
+    else:
+        cut = (np.cumsum(below) - 0.5 * below) * step * fit.sigma  # the mean of max(0, x + noise), by parts
+        # of codes, whose cut is at half a DN: Euler and Maclaurin's first term
+        cut -= density / fit.sigma / 24
+    keep = np.concatenate([[True], np.diff(cut) > 0]) & (np.abs(x) < 60 * fit.sigma)
+    return x[keep], np.maximum.accumulate(cut[keep])

@@ -1,21 +1,11 @@
 """Codes that the converter never gives: gaps between codes, and rows or columns that lack their lowest bits."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from visaug.characterization.additivity import FROM_GAIN
 from visaug.characterization.defective import Extremes
 from visaug.statistics.findings import Findings
 
-_CERTAIN = 20  # pixels at the codes on either side: an empty one between them has a probability of exp(-20)
-_REACH = 300  # DN, the widest gap that is looked for: 8 bits in a word of 16 stretch to 257
-_FEWEST = 4  # gaps: the peaks of a mosaic, or two levels, leave fewer
-_ALIKE = 1  # DN by which gaps of one stretched scale differ, by rounding
-_WIDENS = (
-    0.2  # by which gaps of one level differ where they grow with the signal, as those of a square root do
-)
-_COMPANDED = 1.5  # largest over smallest step of the levels from which on steps are not of one scale
 NEEDS_WHOLE_STEPS = "frames whose steps are 1 DN: as the converter gave them, neither scaled nor multiplied"
 
 
@@ -24,7 +14,7 @@ def check(seen: Extremes, found: Findings) -> None:
     steps = [step for v in seen.levels if v.codes is not None and (step := _step(v.codes)) is not None]
     if steps:
         found.step_dn = float(np.median(steps))
-        companded = max(steps) > _COMPANDED * min(steps)
+        companded = max(steps) > 1.5 * min(steps)  # such steps are not of one scale
         found.warn(
             f"code_gaps: the values step by {min(steps):.4g} to {max(steps):.4g} DN, by more where it is brighter (a square root, "
             "a gamma or a table of fewer codes): rounding grows with the signal as noise of light does"
@@ -41,15 +31,17 @@ def _step(counts: np.ndarray) -> float | None:
 
     Runs of empty codes between two codes that many pixels have are all of one length but for rounding.
     """
-    filled = np.flatnonzero(counts >= _CERTAIN)
-    if len(filled) < _FEWEST + 1:
-        return None
-    steps = np.diff(filled)
+    certain = (
+        20  # pixels at the codes on either side: an empty one between them has a probability of exp(-20)
+    )
+    filled = np.flatnonzero(counts >= certain)
     used = np.flatnonzero(counts)
     between = np.searchsorted(used, filled[1:]) - np.searchsorted(used, filled[:-1]) - 1
-    gaps = (steps > 1) & (between == 0)
-    clean = steps[between == 0]
-    if gaps.sum() < _FEWEST or np.ptp(clean) > max(_ALIKE, _WIDENS * clean.mean()) or clean.max() > _REACH:
+    clean = np.diff(filled)[between == 0]
+    fewest = 4  # gaps: the peaks of a mosaic, or two levels, leave fewer
+    # Gaps of one stretched scale differ by a DN of rounding, those of a square root by a fifth within a level, growing with the
+    # signal. The widest that is looked for: 8 bits in a word of 16 stretch to 257.
+    if (clean > 1).sum() < fewest or np.ptp(clean) > max(1, 0.2 * clean.mean()) or clean.max() > 300:
         return None
     return float(clean.mean())
 

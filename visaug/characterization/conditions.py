@@ -1,17 +1,16 @@
 """Frames as laboratories have them, made ready to be measured: one setting, raw frames, whole DN of the converter."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
-from visaug.characterization import lossy
 from visaug.characterization.alike import KINDS, floor_dn, merged_groups
 from visaug.characterization.facts import Facts, look, temporal_variances
 from visaug.characterization.views import at_bits, shifted
+from visaug.core.extras import extra
 from visaug.core.wording import first_of
 from visaug.frames import FrameSet
 from visaug.frames.checks import SATURATED_SHARE
@@ -19,9 +18,6 @@ from visaug.frames.units import celsius
 from visaug.statistics.findings import Findings
 
 _DEPTHS = (8, 10, 12, 14, 16)
-_MASTER = 0.55  # of the temporal variance of a raw frame: two or more frames averaged have half or less
-_OTHER_LIGHT = 1.25  # factor between signals: no lamp of one setting wanders so far
-_TELLING = 0.2  # DN^2: below, rounding hides the noise of a single frame
 
 
 def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[FrameSet, list[Facts]]:
@@ -40,7 +36,7 @@ def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[
     frames = _leave_out(frames, told, found, "as their headers or the column `combined` say")
     found.set_apart(every - {r.sequence for r in frames.records}, *found.warnings[said:])
     facts = look(frames)
-    lossy.check(frames, facts, found)
+    _check_lossy(frames, facts, found)
     frames, facts = _aligned(frames, facts, found, told_bits)
     frames, facts = _without_copies(frames, facts, found)
     frames, facts = _without_masters(frames, facts, found)
@@ -90,12 +86,8 @@ def _without_one_light(frames: FrameSet, facts: Sequence[Facts], found: Findings
     flats = [(r.photons, f.mean) for r, f in zip(frames.records, facts) if r.kind == "flat"]
     told = {photons for photons, _ in flats}
     signals = np.array([mean for _, mean in flats]) - floor_dn(frames, facts)
-    if (
-        len(told) != 1
-        or None in told
-        or not signals.min() > 0
-        or signals.max() < _OTHER_LIGHT * signals.min()
-    ):
+    other_light = 1.25  # factor between signals: no lamp of one setting wanders so far
+    if len(told) != 1 or None in told or not signals.max() >= other_light * signals.min() > 0:
         return frames
     found.warn(
         f"photons_contradicted: all flats state {flats[0][0]:g} photons per pixel, and their signals differ by a factor of "
@@ -153,8 +145,8 @@ def _without_masters(frames: FrameSet, facts: list[Facts], found: Findings) -> t
         found_here = temporal_variances(frames, raw)
         variances |= dict(zip(raw, found_here))
         usual = min(usual, float(np.median(found_here)))
-    if usual > _TELLING:
-        masters += [i for i, v in variances.items() if v < _MASTER * usual]
+    if usual > 0.2:  # DN^2: below, rounding hides the noise of a single frame
+        masters += [i for i, v in variances.items() if v < 0.55 * usual]  # of two or more: half or less
     kept = _leave_out(frames, sorted(masters), found, "because of their variance (or their gain is lower)")
     return kept, [f for i, f in enumerate(facts) if i not in set(masters)] if kept is not frames else facts
 
@@ -183,7 +175,7 @@ def _aligned(
             noise=f.noise / scale,
             largest=f.largest / scale,
             bits=(f.bits or 0) >> low,
-            phases=(f.phases[0] / scale, f.phases[1] / scale, f.phases[2] / scale, f.phases[3] / scale),
+            phases=tuple(phase / scale for phase in f.phases),  # pyrefly: ignore[bad-argument-type]
         )
         for f in facts
     ]
@@ -193,12 +185,8 @@ def _bit_depth(frames: FrameSet, facts: list[Facts], found: Findings, told_bits:
     """Bits of the converter: as told, as the files' type tells, or by where bright flats pile up."""
     depth = frames.bit_depth
     largest = max(f.largest for f in facts)
-    piles = {
-        f.largest
-        for f in facts
-        if f.at_largest > SATURATED_SHARE and f.largest == largest and f.noise < largest
-    }
-    tops = [n for n in _DEPTHS if piles and largest == (1 << n) - 1]
+    piled = any(f.at_largest > SATURATED_SHARE and f.noise < f.largest == largest for f in facts)
+    tops = [n for n in _DEPTHS if piled and largest == (1 << n) - 1]
     if told_bits is not None or (depth is not None and depth < 16):
         found.bit_depth = min(told_bits or 16, depth or 16, 16)
         if tops and tops[0] < found.bit_depth:
@@ -210,12 +198,47 @@ def _bit_depth(frames: FrameSet, facts: list[Facts], found: Findings, told_bits:
         return
     if largest > (1 << 16) - 1:  # sums of frames, or a type of more than 16 bits
         return
-    if tops:
-        found.bit_depth = tops[0]
-        return
     found.bit_depth = next(n for n in _DEPTHS if largest <= (1 << n) - 1)
+    if tops:
+        return
     found.warn(
         f"bit_depth_assumed: no flat reaches the highest code, so the bit depth is not known; "
         f"{found.bit_depth} bits hold the largest value, {largest:g} DN (give --bit-depth, or take a saturated flat)",
         spoils=("bit_depth",),
     )
+
+
+def _check_lossy(frames: FrameSet, facts: Sequence[Facts], found: Findings) -> None:
+    """Warns of JPEG files, and of compressed FITS files whose steps are coarse beside the noise."""
+    spoils = ("gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "read_noise.shape",
+              "prnu.*", "dsnu.*", "dark_current.*", "full_well_e", "emva.*", "emva4.*", "temporal.*")  # fmt: skip
+    if any(r.file.lower().endswith((".jpg", ".jpeg")) for r in frames.records):
+        found.warn(
+            "lossy_frames: JPEG compression removes noise and rounds coarsely; measure raw or lossless frames",
+            spoils=spoils,
+        )
+    steps = [(_compression_step(frames.path(i)), f.noise) for i, f in enumerate(facts)]
+    coarsest = 0.35  # step over the noise of a pixel: rounding then adds 1 % to its variance, step^2 / 12
+    coarse = [step / noise for step, noise in steps if step and noise and step > coarsest * noise]
+    if coarse:
+        found.warn(
+            f"lossy_frames: {len(coarse)} FITS files were compressed with values rounded to {max(coarse):.2g} of their noise; the "
+            "rounding adds to the noise and grows with it (quantize_level 4 or more, or no quantisation, does no harm)",
+            spoils=spoils,
+        )
+
+
+def _compression_step(path: Path | None) -> float | None:
+    """Median step of the tiles of a compressed FITS image of floats (ZSCALE of the FITS standard 4.0, section 10.2), DN."""
+    if path is None or not path.name.lower().endswith(".fz"):
+        return None
+    with extra(path):
+        from astropy.io import fits
+
+    with fits.open(path, disable_image_compression=True) as file:
+        for part in (p for p in file if isinstance(p, fits.BinTableHDU)):
+            columns = part.columns
+            # pyrefly: ignore[missing-attribute]
+            if part.header.get("ZIMAGE") and columns is not None and "ZSCALE" in (columns.names or ()):
+                return float(np.median(np.abs(np.asarray(part.data["ZSCALE"], np.float64))))
+    return None

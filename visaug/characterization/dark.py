@@ -1,7 +1,5 @@
 """Dark current in the units of a camera file."""
 
-from __future__ import annotations
-
 import math
 import sys
 
@@ -16,8 +14,6 @@ from visaug.core.constants import BOLTZMANN_EV_PER_K, ZERO_C_K
 from visaug.core.intervals import symmetric, t_quantile, widen
 from visaug.statistics.findings import FALSE_ALARM, Findings
 
-_LEAST_EV = 0.5  # eV, activation energy of dark current: half of silicon's band gap is 0.56, measured ones are 0.55 to 1.1
-# (R. Widenhorn et al., Proc. SPIE 4669 (2002) 193)
 _NEEDS_LADDER = "dark frames at two or more exposures and two or more temperatures"
 
 
@@ -71,8 +67,7 @@ def _add_law(found: Findings, law: dark_current.DarkCurrentLaw, source: str, ass
     error = math.hypot(math.sqrt(law.covariance[0, 0]), relative)
     a, low, high = (_exp(law.log_a + t * s) * scale for s in (0.0, -error, error))
     if not math.isfinite(high):
-        for key in ("dark_current.a_e_per_s", "dark_current.b_per_c"):
-            found.miss(key, _NEEDS_LADDER)
+        _miss_law(found, _NEEDS_LADDER)
         return
     name, unit = ("a_e_per_s", "e-/s") if found.gain is not None else ("a_dn_per_s", "DN/s")
     found.add(f"dark_current.{name}", (a, low, high), unit, source)
@@ -80,6 +75,11 @@ def _add_law(found: Findings, law: dark_current.DarkCurrentLaw, source: str, ass
         found.miss("dark_current.a_e_per_s", NEEDS_FLATS)
     interval = symmetric(law.b_per_c, math.sqrt(law.covariance[1, 1]), law.df)
     found.add("dark_current.b_per_c", interval, "1/degC", source, assumes=assumes)
+
+
+def _miss_law(found: Findings, needs: str) -> None:
+    found.miss("dark_current.a_e_per_s", needs)
+    found.miss("dark_current.b_per_c", needs)
 
 
 def _exp(logarithm: float) -> float:
@@ -90,8 +90,7 @@ def _exp(logarithm: float) -> float:
 def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
     """Dark current in electrons per second where the gain is known, else in DN per second."""
     if not lines:
-        for name in ("dark_current.a_e_per_s", "dark_current.b_per_c"):
-            found.miss(name, _NEEDS_LADDER)
+        _miss_law(found, _NEEDS_LADDER)
         return
     scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
     law = dark_current.law(lines)
@@ -115,9 +114,9 @@ def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
             )
     else:
         _one_temperature(found, lines)
-        needs = "dark frames at two or more known temperatures, warm or long enough for a dark signal"
-        found.miss("dark_current.a_e_per_s", needs)
-        found.miss("dark_current.b_per_c", needs)
+        _miss_law(
+            found, "dark frames at two or more known temperatures, warm or long enough for a dark signal"
+        )
 
 
 def _too_flat(found: Findings, lines: list[dark_current.Slope], law: dark_current.DarkCurrentLaw) -> None:
@@ -125,7 +124,8 @@ def _too_flat(found: Findings, lines: list[dark_current.Slope], law: dark_curren
     temperature.
     """
     mean_k = float(np.mean([s.temperature_c for s in lines if s.temperature_c is not None])) + ZERO_C_K
-    least = _LEAST_EV / (BOLTZMANN_EV_PER_K * mean_k**2)
+    # Half of silicon's band gap is 0.56 eV, measured energies are 0.55 to 1.1 (R. Widenhorn et al., Proc. SPIE 4669 (2002) 193).
+    least = 0.5 / (BOLTZMANN_EV_PER_K * mean_k**2)
     margin = float(stats.t.isf(FALSE_ALARM, min(law.df, 1e6))) * math.sqrt(law.covariance[1, 1])
     if law.b_per_c + margin < least:
         found.warn(

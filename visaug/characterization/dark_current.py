@@ -1,7 +1,5 @@
 """Dark current from the mean and from the variance of dark frames, and its law of temperature."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -56,24 +54,17 @@ def mean_points(moments: Sequence[GroupMoments]) -> list[DarkPoint]:
 
 def variance_points(moments: Sequence[GroupMoments]) -> list[DarkPoint]:
     """Temporal variance; a variance of df degrees of freedom scatters by 2/df of its square."""
-    return [
-        DarkPoint(
-            m.group.temperature_c,
-            m.group.exposure_s,
-            m.n,
-            m.variance,
-            2 * m.variance**2 * m.n / m.temporal.pixel_df,
-            math.inf,
-        )
-        for m in moments
-        if m.temporal is not None
-    ]
+    points = []
+    for m in moments:
+        if m.temporal is not None:
+            scatter = 2 * m.variance**2 * m.n / m.temporal.pixel_df
+            point = DarkPoint(m.group.temperature_c, m.group.exposure_s, m.n, m.variance, scatter, math.inf)
+            points.append(point)
+    return points
 
 
 def wanders(temperature_c: np.ndarray, exposure_s: np.ndarray) -> bool:
-    """Whether temperatures of dark frames (n,) make no steps with two exposures each: then exposure and
-    temperature can only be told apart by one fit to all.
-    """
+    """Whether temperatures of dark frames (n,) make no steps with two exposures each: one fit to all must part them."""
     if len(np.unique(exposure_s)) < 2:
         return False
     order = np.argsort(temperature_c)
@@ -90,8 +81,7 @@ def joint_law(temperature_c: np.ndarray, exposure_s: np.ndarray, level: np.ndarr
     n = len(level)
     steps = np.rint((temperature_c - temperature_c.min()) / SAME_C)
     points = len(np.unique(np.stack([steps, exposure_s]), axis=1).T)
-    unknown = 3  # parameters of a law with its black level: as many settings tell them
-    if n < 6 or points < unknown or np.ptp(temperature_c) < 0.5 or len(np.unique(exposure_s)) < 2:
+    if n < 6 or points < 3 or np.ptp(temperature_c) < 0.5 or len(np.unique(exposure_s)) < 2:
         return None
     centre = float(np.average(temperature_c, weights=exposure_s + 1e-12))
     rate = np.polyfit(exposure_s, level, 1)[0]
@@ -106,10 +96,16 @@ def joint_law(temperature_c: np.ndarray, exposure_s: np.ndarray, level: np.ndarr
         covariance = np.linalg.inv(fit.jac.T @ fit.jac)[1:, 1:] * 2 * fit.cost / (n - 3)
     except np.linalg.LinAlgError:
         return None
+    return _at_zero(fit.x[1], fit.x[2], covariance, centre, n - 3, 0.0)
+
+
+def _at_zero(
+    log_a: float, b_per_c: float, covariance: np.ndarray, centre: float, df: float, misfit: float
+) -> DarkCurrentLaw:
+    """The law with its factor at 0 degrees in place of that at the centre of the temperatures."""
     shift = np.array([[1.0, -centre], [0.0, 1.0]])
-    return DarkCurrentLaw(
-        float(fit.x[1] - fit.x[2] * centre), float(fit.x[2]), shift @ covariance @ shift.T, n - 3, 0.0
-    )
+    log_a = float(log_a - b_per_c * centre)
+    return DarkCurrentLaw(log_a, float(b_per_c), shift @ covariance @ shift.T, df, misfit)
 
 
 def slopes(points: Sequence[DarkPoint]) -> list[Slope]:
@@ -129,15 +125,9 @@ def slopes(points: Sequence[DarkPoint]) -> list[Slope]:
     for temperature, group in by_temperature.items():
         t = np.array([p.exposure_s for p in group])
         if len(np.unique(t)) > 1:
-            lines.append(
-                (
-                    temperature,
-                    t,
-                    np.array([p.level for p in group]),
-                    np.array([float(p.frames) for p in group]),
-                    np.array([p.scatter / scatter if math.isinf(p.df) and scatter else 1.0 for p in group]),
-                )
-            )
+            y, n = np.array([p.level for p in group]), np.array([float(p.frames) for p in group])
+            share = [p.scatter / scatter if math.isinf(p.df) and scatter else 1.0 for p in group]
+            lines.append((temperature, t, y, n, np.array(share)))
     misfit, expected, misfit_df = 0.0, 0.0, 0  # expected of a scatter of 1 DN^2
     for _, t, y, n, share in lines:
         value, offset, lever, spread = _line(t, y, n)
@@ -156,9 +146,7 @@ def slopes(points: Sequence[DarkPoint]) -> list[Slope]:
 
 
 def law(found: Sequence[Slope]) -> DarkCurrentLaw | None:
-    """Exponential law through slopes at two or more temperatures by weighted least squares, if there is
-    one.
-    """
+    """Exponential law through slopes at two or more temperatures by weighted least squares, if there is one."""
     points = [s for s in found if s.temperature_c is not None]
     if len(points) < 2 or sum(s.value > 0 for s in points) < 2:
         return None
@@ -167,21 +155,18 @@ def law(found: Sequence[Slope]) -> DarkCurrentLaw | None:
     centre = float(np.average(t, weights=np.maximum(y, 0) + 1e-12))
     warm = y > 0
     start = np.polyfit(t[warm] - centre, np.log(y[warm]), 1, w=y[warm] / e[warm])
-    fit = optimize.least_squares(
-        lambda p: (np.exp(np.clip(p[0] + p[1] * (t - centre), -700, 700)) - y) / e,
-        x0=[start[1], start[0]],
-        x_scale="jac",
-    )
+
+    def residual(p: np.ndarray) -> np.ndarray:
+        return (np.exp(np.clip(p[0] + p[1] * (t - centre), -700, 700)) - y) / e
+
+    fit = optimize.least_squares(residual, [start[1], start[0]], x_scale="jac")
     try:
         covariance = np.linalg.inv(fit.jac.T @ fit.jac)
     except np.linalg.LinAlgError:
         return None
     misfit = 2 * fit.cost / (len(t) - 2) if len(t) > 2 else 0.0
     covariance *= max(misfit, 1.0)
-    shift = np.array([[1.0, -centre], [0.0, 1.0]])  # from the centre to 0 degrees
-    return DarkCurrentLaw(
-        fit.x[0] - fit.x[1] * centre, float(fit.x[1]), shift @ covariance @ shift.T, points[0].df, misfit
-    )
+    return _at_zero(fit.x[0], fit.x[1], covariance, centre, points[0].df, misfit)
 
 
 def _line(t: np.ndarray, y: np.ndarray, n: np.ndarray) -> tuple[float, float, np.ndarray, float]:

@@ -1,7 +1,5 @@
 """Pixels that answer to no light: stuck ones, whole rows and columns, overscan. Left out before anything is averaged."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -10,15 +8,12 @@ from scipy import ndimage
 
 from visaug.characterization.facts import Facts
 from visaug.characterization.views import cropped, repaired, replaced
-from visaug.core.wording import counted
+from visaug.core.wording import counted, listed
 from visaug.frames import FrameSet, Group
 from visaug.statistics.findings import Findings
 
 _APART = 8.0  # noise of single pixels: levels, or values, that differ by more differ by no chance
 _MOST = 0.1  # share of the pixels beyond which they are no defects of an otherwise sound sensor
-_NO_LIGHT = 0.02  # response over the median's: below, a line is covered
-# response over the median's of the line beside a covered one: light that falls off has no such edge
-_LIT = 0.5
 
 
 @dataclass(frozen=True)
@@ -79,7 +74,7 @@ def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) 
         medians = []
         top, bottom = np.ones(shape, bool), np.ones(shape, bool)
         codes = np.zeros(0, np.int64)
-        ends_here: tuple[float, float] | None = None
+        ends_here = None
         for i in group.indices:
             frame = frames.read(i)
             np.minimum(low, frame, out=low)
@@ -96,11 +91,9 @@ def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) 
                     ones[axis] |= np.bitwise_or.reduce(values, axis=1 - axis)
                     zeros[axis] |= ~np.bitwise_and.reduce(values, axis=1 - axis).astype(np.int64)
                 counts = np.bincount(values.ravel(), minlength=len(codes))
-                medians.append(_median_of(counts))
                 counts[: len(codes)] += codes
                 codes = counts
-            else:
-                medians.append(float(np.median(frame)))
+            medians.append(float(np.median(frame)))
         middle = float(np.median(medians))
         noise = max(float(np.median([facts[i].noise for i in group.indices])), 1.0)
         levels.append(GroupSummary(group.kind, group.indices, middle, noise, codes if whole else None))
@@ -111,13 +104,6 @@ def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) 
                     ends |= there
     bits = [a & b for a, b in zip(ones, zeros)] if whole else [None, None]
     return Extremes(tuple(levels), low, high, flat_low, flat_high, ends, bits[0], bits[1])
-
-
-def _median_of(counts: np.ndarray) -> float:
-    """Median of whole numbers, of which there are so many of each."""
-    below = np.cumsum(counts)
-    middle = [(below[-1] - 1) // 2, below[-1] // 2]
-    return float(np.searchsorted(below, middle, side="right").mean())
 
 
 def lit_window(frames: FrameSet, seen: Extremes, found: Findings) -> tuple[int, int, int, int] | None:
@@ -162,11 +148,10 @@ def _line_levels(frames: FrameSet, indices: Sequence[int]) -> tuple[np.ndarray, 
 
 def _covered(response: np.ndarray) -> int:
     """Number of lines from the start that see no light, before one that is lit."""
-    lit = int(np.argmax(response > _NO_LIGHT))
-    if lit and response[lit] < _LIT and lit + 1 < len(response):
-        sharp = response[lit + 1] > _LIT  # one line may be covered in part
-    else:
-        sharp = response[lit] > _LIT
+    lit = int(np.argmax(response > 0.02))  # of the median's response: below, a line is covered
+    first, beside = response[lit], response[min(lit + 1, len(response) - 1)]
+    # light that falls off has no such edge; one line may be covered in part
+    sharp = first > 0.5 or (first < 0.5 and beside > 0.5)
     most_covered = 0.4  # share of the lines that may be covered at one edge
     return lit if 0 < lit <= most_covered * len(response) and sharp else 0
 
@@ -207,7 +192,7 @@ def stuck_pixels(seen: Extremes, found: Findings) -> np.ndarray | None:
     single[rows], single[:, columns] = False, False
     places = [f"({r}, {c})" for r, c in np.argwhere(single)]
     parts = [
-        f"{counted(len(what), name)} ({', '.join(map(str, what[:5]))}{', ...' if len(what) > 5 else ''})"
+        f"{counted(len(what), name)} ({listed(what, 5)})"
         for name, what in (("row", rows), ("column", columns), ("pixel", places))
         if len(what)
     ]

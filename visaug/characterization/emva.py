@@ -1,11 +1,8 @@
 """The figures of EMVA 1288: those of release 3, and those that release 4.0 Linear has beside them.
 
-The standard: EMVA Standard 1288, release 3.0 (2010) and release 4.0 Linear (2021), European Machine Vision
-Association. Intervals are this package's own; the standard gives none. Release 4.0 General, for cameras without a
-linear raw signal, is not implemented.
+The standard: EMVA Standard 1288, release 3.0 (2010) and release 4.0 Linear (2021), European Machine Vision Association. Intervals
+are this package's own; the standard gives none. Release 4.0 General, for cameras without a linear raw signal, is not implemented.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable
@@ -19,7 +16,7 @@ from visaug.characterization.dark_current import mean_points, slopes, variance_p
 from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.light import NEEDS_FLATS, NEEDS_PHOTONS
 from visaug.characterization.moments import GroupMoments, mean_map
-from visaug.characterization.nonuniformity import corrected_split, not_white, parts, release_4
+from visaug.characterization.nonuniformity import PARTS, corrected_split, not_white, parts, release_4
 from visaug.characterization.photon_transfer import (
     emva_linearity,
     emva_sensitivity,
@@ -27,11 +24,9 @@ from visaug.characterization.photon_transfer import (
     linearity_curve,
     saturated_level,
 )
-from visaug.core.intervals import jackknife, root, symmetric, widen
+from visaug.core.intervals import Interval, jackknife, root, symmetric, widen
 from visaug.statistics.findings import Estimate, Findings
 
-Interval = tuple[float, float, float]
-_SPLIT = ("row", "column", "pixel")
 _SATURATED = "calibrated flats up to saturation and beyond"
 _STACKS = "two or more flats at one level, and two or more dark frames beside them"
 # What each figure needs, where nothing more particular is said.
@@ -54,8 +49,8 @@ _NEEDS = {
     "emva4.absolute_sensitivity_threshold_e": "flats for the gain, and dark frames",
     "emva4.absolute_sensitivity_threshold_photons": "flats with known photons and dark frames",
     "emva4.doubling_temperature_c": "dark frames at several exposures and temperatures",
-    **{f"emva4.{kind}": _STACKS for kind in ("dsnu_row_e", "dsnu_column_e", "dsnu_pixel_e")},
-    **{f"emva4.{kind}": _STACKS for kind in ("prnu_row", "prnu_column", "prnu_pixel")},
+    **{f"emva4.dsnu_{part}_e": _STACKS for part in PARTS},
+    **{f"emva4.prnu_{part}": _STACKS for part in PARTS},
 }
 
 _R3, _R4 = "EMVA 1288 release 3", "EMVA 1288 release 4"
@@ -112,11 +107,8 @@ def _figures(found: Findings, measured: Measured) -> None:
 
 def _dark_sweep(measured: Measured, temperature_c: float | None) -> list[GroupMoments]:
     """Dark frames at one temperature, by exposure; stacks of many frames stand apart from a sweep."""
-    same = [
-        m
-        for m in (*measured.darks, *measured.biases)
-        if m.n > 1 and degrees_apart(temperature_c, m.group.temperature_c) <= SAME_C
-    ]
+    every = (m for m in (*measured.darks, *measured.biases) if m.n > 1)
+    same = [m for m in every if degrees_apart(temperature_c, m.group.temperature_c) <= SAME_C]
     usual = np.median([m.n for m in same]) if same else 0
     small = [m for m in same if m.n <= 4 * usual]
     chosen = small if len({m.group.exposure_s for m in small}) > 2 else same
@@ -164,8 +156,8 @@ def _dark_noise(found: Findings, darks: list[GroupMoments], gain: float | None, 
         return {"variance": float(np.polyfit(exposures, y, 1)[1] if several else y[0])}
 
     value, low, high = symmetric(*jackknife(compute, darks[0].shape[0])["variance"])
-    least = 0.24  # release 3: below, quantization hides the dark noise
-    variance = (max(value, least), max(low, 0.0), max(high, least))
+    # Release 3: below 0.24 DN^2 quantization hides the dark noise.
+    variance = (max(value, 0.24), max(low, 0.0), max(high, 0.24))
     found.add("emva.dark_noise_dn", root(variance), "DN", _R3)
     if gain is not None:
         value, low, high = (max(v - 1 / 12, 0.0) for v in variance)  # less that of quantization
@@ -219,7 +211,7 @@ def _spatial(found: Findings, measured: Measured, gain: float, relative: float) 
 
     def split(release: str, dark: dict[str, float], flat: dict[str, float], source: str) -> None:
         """Parts of DSNU and PRNU from the spatial variances of both stacks, DN^2."""
-        for name in _SPLIT:
+        for name in PARTS:
             interval = deviation(dark[name], getattr(dark_parts, name), gain, relative)
             found.add(f"{release}.dsnu_{name}_e", interval, "e-", source)
             interval = deviation(flat[name] - dark[name], getattr(flat_parts, name), signal)
@@ -236,10 +228,8 @@ def _spatial(found: Findings, measured: Measured, gain: float, relative: float) 
     if shared := {name for m in (dark, flat) for name in not_white(m)}:
         source = "release 4, temporal noise of rows and columns as measured"
         split("emva4_corrected", corrected_split(dark), corrected_split(flat), source)
-        negative = [name for name in _SPLIT if r4_dark[name] < 0]
-        spoiled = (
-            f"; it gives a negative variance of {' and '.join(negative)} (shown as 0)" if negative else ""
-        )
+        negative = " and ".join(name for name in PARTS if r4_dark[name] < 0)
+        spoiled = f"; it gives a negative variance of {negative} (shown as 0)" if negative else ""
         found.warn(
             f"emva4_split: {' and '.join(sorted(shared))} means share temporal noise, which release 4 assumes "
             f"to be white: emva4.dsnu_* and emva4.prnu_* are the figures of the standard{spoiled}; emva4_corrected.* subtracts "
@@ -249,8 +239,7 @@ def _spatial(found: Findings, measured: Measured, gain: float, relative: float) 
     _prnu_high_pass(found, level, flat_map - dark_map)
     percent = 100 * (flat_map - dark_map) / signal
     noise = (flat.variance / flat.n + dark.variance / dark.n) * (100 / signal) ** 2
-    dsnu_noise = dark.variance / dark.n / gain**2
-    found.curves["emva4_dsnu"] = emva_curves.pattern_curves(dark_map / gain, dsnu_noise)
+    found.curves["emva4_dsnu"] = emva_curves.pattern_curves(dark_map / gain, dark.variance / dark.n / gain**2)
     found.curves["emva4_prnu"] = emva_curves.pattern_curves(percent, noise)
     found.curves["emva4_defects_dsnu"] = emva_curves.defect_counts(dark_map / gain)
     if min(percent.shape) > 10:

@@ -1,7 +1,5 @@
 """Arrays of the plots of EMVA 1288's data sheet, release 4.0 Linear."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -18,10 +16,8 @@ def high_pass(values: np.ndarray) -> np.ndarray:
     """A map less its mean over 5 x 5 pixels, without the borders that lack neighbours; scaled so that a white
     pattern keeps its variance (the box takes 1/25 of it).
     """
-    edge = HIGH_PASS // 2
-    inner = (slice(edge, -edge or None),) * 2
     smooth = ndimage.uniform_filter(values, HIGH_PASS, mode="nearest")
-    return (values - smooth)[inner] / math.sqrt(1 - 1 / HIGH_PASS**2)
+    return (values - smooth)[2:-2, 2:-2] / math.sqrt(1 - 1 / HIGH_PASS**2)
 
 
 def sweep_curves(
@@ -55,21 +51,18 @@ def pattern_curves(values: np.ndarray, noise: float) -> dict[str, np.ndarray]:
         noise: variance of the temporal noise that is left in the map, in its unit squared.
     """
     curves: dict[str, np.ndarray] = {"noise": np.array([math.sqrt(max(noise, 0.0))])}
-    centred = values - values.mean()
     for name, lines in (("horizontal", values), ("vertical", values.T)):
-        rows = lines - lines.mean()
-        power = (np.abs(np.fft.rfft(rows, axis=1)) ** 2).mean(0) / rows.shape[1]
-        curves[f"{name}_frequency"] = np.fft.rfftfreq(rows.shape[1])
+        power = (np.abs(np.fft.rfft(lines - lines.mean(), axis=1)) ** 2).mean(0) / lines.shape[1]
+        curves[f"{name}_frequency"] = np.fft.rfftfreq(lines.shape[1])
         curves[f"{name}_amplitude"] = np.sqrt(power)
         curves[f"{name}_mean"] = lines.mean(0)
         curves[f"{name}_middle"] = lines[lines.shape[0] // 2]
         curves[f"{name}_least"], curves[f"{name}_most"] = lines.min(0), lines.max(0)
-    bins = 256
+    centred, bins = values - values.mean(), 256
     counts, edges = np.histogram(centred, bins)
     curves["deviation"], curves["count"] = 0.5 * (edges[1:] + edges[:-1]), counts
-    spread = centred.std()
-    width = edges[1] - edges[0]
-    curves["normal"] = centred.size * width * stats.norm.pdf(curves["deviation"], scale=max(spread, 1e-12))
+    density = stats.norm.pdf(curves["deviation"], scale=max(centred.std(), 1e-12))
+    curves["normal"] = centred.size * (edges[1] - edges[0]) * density
     size = np.sort(np.abs(centred), axis=None)
     chosen = np.unique(np.linspace(0, size.size - 1, bins).astype(int))
     tail = np.arange(max(size.size - bins, 0), size.size)  # the largest few one by one

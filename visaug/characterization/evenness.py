@@ -1,7 +1,5 @@
 """Whether all pixels have one gain: their excess variance over their signal, by parts of the frame and places of a 2 x 2."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -15,39 +13,33 @@ from visaug.frames import FrameSet
 from visaug.statistics.findings import FALSE_ALARM, Findings
 
 _PARTS = 4  # along each side
-_LEAST = 8  # pixels along each side of a part
-_MOST = 12  # frames of a level
-_BRIGHTEST = 4  # levels, which tell the gain best
-_MATTERS = 0.02  # root mean square deviation of the gain
 
 
 def check(measured: Measured, transfer: PhotonTransferResult, found: Findings) -> None:
     """Warns of gains that differ between parts of the frame or between neighbouring pixels."""
     levels = [transfer.levels[i] for i in transfer.safe]
     place = largest_place(v.flat for v in levels)
-    if place is None or min(place[0]) < _PARTS * _LEAST:
+    if place is None or min(place[0]) < 8 * _PARTS:
         return
-    levels = [v for v in levels if v.flat.place == place and v.signal > 0][-_BRIGHTEST:]
+    levels = [v for v in levels if v.flat.place == place and v.signal > 0][-4:]  # which tell the gain best
     ratio, error = relative_gains(measured.frames, levels, transfer)
     weights = 1 / error**2
     ratio, error = (values / float((ratio * weights).sum() / weights.sum()) for values in (ratio, error))
     square = float((((ratio - 1) / error) ** 2).sum())
     spread = math.sqrt(max(float(((ratio - 1) ** 2).mean() - (error**2).mean()), 0.0))
     # With the approximations of the errors, false alarms have the probability 0.002 in small sets.
-    if stats.chi2.sf(square, ratio.size - 1) > FALSE_ALARM or spread < _MATTERS:
+    matters = 0.02  # root mean square deviation of the gain
+    if stats.chi2.sf(square, ratio.size - 1) > FALSE_ALARM or spread < matters:
         return
     places, parts = ratio.mean((0, 1)), ratio.mean((2, 3))
     beside = float(np.var(places)) > float(np.var(parts))
     low, high = (float(f(places if beside else parts)) for f in (np.min, np.max))
+    where = "over the frame (amplifiers of different gain, or shading that the camera corrected)"
+    if beside:
+        where = "at the places of a 2 x 2 (a digital gain of colours or columns)"
     found.warn(
-        "gain_uneven: variance over signal is "
-        + (
-            f"{low:.2f} to {high:.2f} of its mean at the places of a 2 x 2 (a digital gain of colours or columns)"
-            if beside
-            else f"{low:.2f} to {high:.2f} of its mean over the frame (amplifiers of different gain, or shading that the camera "
-            "corrected)"
-        )
-        + ": one gain_e_per_dn does not hold for all pixels",
+        f"gain_uneven: variance over signal is {low:.2f} to {high:.2f} of its mean {where}: one gain_e_per_dn does not hold for "
+        "all pixels",
         spoils=FROM_GAIN,
     )
 
@@ -100,7 +92,7 @@ def _variances(
 
 
 def _chosen(moments: GroupMoments) -> tuple[int, ...]:
-    return moments.group.indices[:_MOST]
+    return moments.group.indices[:12]  # enough frames of a level
 
 
 def _cells(values: np.ndarray) -> np.ndarray:

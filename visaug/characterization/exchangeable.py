@@ -6,8 +6,6 @@ or shifted, a pattern that changes, and averaging over time in the camera make s
 to its own variance, which three frames tell: v_k follows from the squares of the residuals about the mean.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -15,17 +13,10 @@ import numpy as np
 from scipy import stats
 
 from visaug.characterization.groups import Measured
-from visaug.characterization.moments import GroupMoments
+from visaug.characterization.moments import GroupMoments, middle
+from visaug.core.wording import listed
 from visaug.frames import FrameSet
 from visaug.statistics.findings import FALSE_ALARM, FROM_NOISE, Findings
-
-_FEWEST = 4  # frames: of three no such sum is left
-_MOST = 12  # frames of a group: its first and last half dozen
-_SIDE = 512  # pixels of the window
-_OUTLIER = 5.0  # standard deviations: single pixels that jump are another matter
-_APART = 0.05  # of the variance of the other frames
-_OF_MEDIAN = 1.3  # the median of few variances has an error of its own
-_MATTERS = 0.01  # correlation of the noise of two frames
 
 
 @dataclass(frozen=True)
@@ -50,9 +41,10 @@ def check(measured: Measured, found: Findings) -> None:
         if residuals is None:
             continue
         variances.append((m, indices, *frame_variances(residuals)))
-        if m.n >= _FEWEST:
+        if m.n > 3:  # of three no such sum is left
             tested.append(dependence(residuals, indices))
-    sure = [d for d in tested if d.probability < FALSE_ALARM / len(tested) and d.correlation > _MATTERS]
+    matters = 0.01  # correlation of the noise of two frames
+    sure = [d for d in tested if d.probability < FALSE_ALARM / len(tested) and d.correlation > matters]
     if not sure:
         _check_variances(measured, variances, len(groups), found)
         return
@@ -60,11 +52,8 @@ def check(measured: Measured, found: Findings) -> None:
     if worst.in_sequence:
         what = "frames that follow each other are alike (averaging over time in the camera, or light that lingers)"
     else:
-        sequences = [
-            ", ".join(str(measured.frames.records[i].sequence) for i in part[:6])
-            + (", ..." if len(part) > 6 else "")
-            for part in worst.parts
-        ]
+        records = measured.frames.records
+        sequences = [listed([records[i].sequence for i in part], 6) for part in worst.parts]
         what = (
             f"frames {sequences[0]} have another pattern than frames {sequences[1]} (two cameras, frames that are turned or "
             "shifted, a light or a gain that changes over the frame)"
@@ -100,11 +89,12 @@ def _check_variances(
         excess = np.abs(variances / usual - 1) - by_light
         # The test of single frames has its own probability of a false alarm in one set.
         least = float(stats.norm.isf(FALSE_ALARM / 2 / len(indices) / several))
-        apart += [i for i, e in zip(indices, excess) if e > max(_APART, _OF_MEDIAN * least * error / usual)]
+        # 5 % of the variance of the others matter; the median of few variances has an error of its own, hence 1.3
+        apart += [i for i, e in zip(indices, excess) if e > max(0.05, 1.3 * least * error / usual)]
     if apart:
-        numbers = ", ".join(str(measured.frames.records[i].sequence) for i in sorted(apart)[:8])
+        numbers = listed([measured.frames.records[i].sequence for i in sorted(apart)], 8)
         found.warn(
-            f"frames_dependent: frames {numbers}{', ...' if len(apart) > 8 else ''} differ from the others of their setting by "
+            f"frames_dependent: frames {numbers} differ from the others of their setting by "
             "another noise or another pattern (another camera, moved, torn or disturbed frames)",
             spoils=FROM_NOISE,
         )
@@ -141,7 +131,8 @@ def dependence(residuals: np.ndarray, indices: tuple[int, ...]) -> Dependence:
 
 
 def chosen(indices: tuple[int, ...]) -> tuple[int, ...]:
-    return indices if len(indices) <= _MOST else indices[: _MOST // 2] + indices[-_MOST // 2 :]
+    """Of a group of more than a dozen frames the first and the last half dozen."""
+    return indices if len(indices) <= 12 else indices[:6] + indices[-6:]
 
 
 @lru_cache(maxsize=16)
@@ -159,8 +150,7 @@ def contrasts(n: int) -> np.ndarray:
 
 def residuals_of(frames: FrameSet, indices: tuple[int, ...], shape: tuple[int, int]) -> np.ndarray | None:
     """(n, P) of every frame about the mean; level, rows, columns and a change of the whole light or gain taken out."""
-    r0, c0 = (max((size - _SIDE) // 2, 0) for size in shape)
-    part = np.stack([frames.read(i)[r0 : r0 + _SIDE, c0 : c0 + _SIDE] for i in indices]).astype(np.float64)
+    part = np.stack([frames.read(i)[middle(shape)] for i in indices]).astype(np.float64)
     part -= part.mean(2, keepdims=True)
     part -= part.mean(1, keepdims=True)
     mean = part.mean(0)
@@ -172,7 +162,8 @@ def residuals_of(frames: FrameSet, indices: tuple[int, ...], shape: tuple[int, i
     scale = np.sqrt((left**2).mean(1))
     if not (scale > 0).all():
         return None
-    return left[:, (np.abs(left) < _OUTLIER * scale[:, None]).all(0)]
+    outlier = 5.0  # standard deviations: single pixels that jump are another matter
+    return left[:, (np.abs(left) < outlier * scale[:, None]).all(0)]
 
 
 def _unevenness(residuals: np.ndarray) -> float:
@@ -186,19 +177,12 @@ def _unevenness(residuals: np.ndarray) -> float:
 def _follows(shared: np.ndarray) -> bool:
     """Whether frames that follow each other share more than any others do."""
     n = len(shared)
-    by_distance = [float(np.diagonal(shared, d).mean()) for d in range(1, n - 1)]
-    return (
-        by_distance[0] > 0
-        and by_distance[0] == max(by_distance)
-        and by_distance[0] > 2 * max(by_distance[1:])
-    )
+    nearest, *others = (float(np.diagonal(shared, d).mean()) for d in range(1, n - 1))
+    return nearest > 0 and nearest > 2 * max(others)
 
 
 def _split(indices: tuple[int, ...], shared: np.ndarray) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """The frames by the sign of their part in what they share most."""
     part = np.linalg.eigh(shared)[1][:, -1]
-    first = part * part[0] > 0
-    return (
-        tuple(i for i, here in zip(indices, first) if here),
-        tuple(i for i, here in zip(indices, first) if not here),
-    )
+    first = dict(zip(indices, part * part[0] > 0))
+    return tuple(i for i in indices if first[i]), tuple(i for i in indices if not first[i])

@@ -1,7 +1,5 @@
 """What one look at each frame's pixels tells before frames are grouped."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -66,19 +64,14 @@ def _noise(frame: np.ndarray) -> float:
 def temporal_variances(frames: FrameSet, indices: Sequence[int]) -> np.ndarray:
     """Temporal variance of each of three or more frames by itself, DN^2 (n,).
 
-    The variances of the differences of three frames, D_ab = v_a + v_b and so on, tell that of each:
-    v_a = (D_ab + D_ac - D_bc) / 2.
+    The variances of the differences of three frames, D_ab = v_a + v_b and so on, tell that of each: v_a = (D_ab + D_ac - D_bc) / 2.
     """
     n = len(indices)
-    first, second = (frames.read(indices[k]).astype(np.float64) for k in (0, 1))
     steps = np.empty(n)  # between neighbours, cyclic
     leaps = np.empty(n)  # between a frame's two neighbours
-    before, here = first, second
-    steps[0] = np.var(second - first)
-    for k in range(2, n + 2):
-        following = first if k == n else second if k == n + 1 else frames.read(indices[k]).astype(np.float64)
-        if k < n + 1:
-            steps[k - 1] = np.var(following - here)
-        leaps[(k - 1) % n] = np.var(following - before)
+    before, here = (frames.read(indices[k]).astype(np.float64) for k in (0, 1))
+    for k in range(1, n + 1):
+        following = frames.read(indices[(k + 1) % n]).astype(np.float64)
+        steps[k - 1], leaps[k % n] = np.var(here - before), np.var(following - before)
         before, here = here, following
     return 0.5 * (steps + np.roll(steps, 1) - leaps)

@@ -1,7 +1,5 @@
 """Which groups of a frame set play which part in a characterization."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Sequence
@@ -42,8 +40,7 @@ class FlatLevel:
     def exposure_gap_s(self) -> float:
         """Exposure of the flat less that of its dark frames, as far as more than a log's rounding."""
         flat_s, dark_s = self.flat.group.exposure_s, self.dark.group.exposure_s
-        same_gap = 0.02
-        return 0.0 if abs(flat_s - dark_s) <= same_gap * max(flat_s, dark_s) else flat_s - dark_s
+        return 0.0 if abs(flat_s - dark_s) <= 0.02 * max(flat_s, dark_s) else flat_s - dark_s
 
     @property
     def degrees_apart(self) -> float:
@@ -84,10 +81,9 @@ class FlatLevel:
         Light that is uneven over the pixels makes their variances uneven, and their mean the less certain.
         """
         light = max(1 - self.dark.variance / self.flat.variance, 0.0) if self.flat.variance > 0 else 0.0
-        uneven = (1 + self.unevenness * light**2, 1.0)
         parts = [
             2 * u * m.variance**2 / max((m.n - 1) * m.shape[0] * m.shape[1], 1)
-            for u, m in zip(uneven, (self.flat, self.dark))
+            for u, m in ((1 + self.unevenness * light**2, self.flat), (1.0, self.dark))
         ]
         return math.sqrt(sum(parts) + self.shared_error**2)
 
@@ -126,8 +122,7 @@ class Measured:
         """Levels of the photon transfer, without big stacks where a sweep stands beside them."""
         levels = [v for v in self.levels if v.flat.n > 1 and v.dark.n > 1]
         usual = np.median([v.flat.n for v in levels]) if levels else 0
-        stack = 4  # a flat with that many times more frames than the sweep's is a stack for spatial figures
-        small = [v for v in levels if v.flat.n <= stack * usual]
+        small = [v for v in levels if v.flat.n <= 4 * usual]  # one of more is a stack for spatial figures
         return tuple(small if len(small) >= 3 else levels)
 
     @property
@@ -137,7 +132,7 @@ class Measured:
         known = [(r.temperature_c, r.exposure_s) for r in taken if r.temperature_c is not None]
         return bool(known) and wanders(*np.array(known, float).T)
 
-    def with_dark_signal(self) -> Measured:
+    def with_dark_signal(self) -> "Measured":
         """Levels that know what dark current adds beyond their dark frames, where dark frames tell its rate."""
         if self.wanders:
             return self
@@ -186,12 +181,8 @@ def measure_groups(frames: FrameSet, facts: Sequence[Facts], step_dn: float = 1.
 def _with_rate(level: FlatLevel, lines: Sequence[Slope]) -> FlatLevel:
     """With the rate of the temperature nearest to the flat's, if it is the flat's."""
     here = level.flat.group.temperature_c
-
-    def apart(line: Slope) -> float:
-        return degrees_apart(here, line.temperature_c)
-
-    line = min(lines, key=apart)
-    if apart(line) > SAME_C or not level.exposure_gap_s:
+    line = min(lines, key=lambda line: degrees_apart(here, line.temperature_c))
+    if degrees_apart(here, line.temperature_c) > SAME_C or not level.exposure_gap_s:
         return level
     return replace(level, dark_signal=line.value * level.exposure_gap_s, dark_rate_error=line.error)
 
@@ -208,11 +199,7 @@ def _pair(moments: list[GroupMoments]) -> tuple[FlatLevel, ...]:
     levels = []
     for flat in (m for m in moments if m.group.kind == "flat"):
         dark = min(
-            (
-                m
-                for m in moments
-                if m.group.kind != "flat" and m.shape == flat.shape and m.group.window == flat.group.window
-            ),
+            (m for m in moments if m.group.kind != "flat" and m.place == flat.place),
             key=lambda m: (
                 max(degrees_apart(m.group.temperature_c, flat.group.temperature_c) - SAME_C, 0.0),
                 m.group.temperature_c is None and flat.group.temperature_c is not None,

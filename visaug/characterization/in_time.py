@@ -1,7 +1,5 @@
 """Whether frames of a group differ by noise alone: stale frames, hits of cosmic rays, bands of a lamp."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,12 +18,6 @@ from visaug.frames.checks import PILED_SHARE
 from visaug.statistics.findings import FALSE_ALARM, FROM_NOISE, Findings
 from visaug.statistics.kernels import rank_values
 
-_STALE = 5e-4  # probability that one group of sound frames has such an outlier
-_HEAVY = 0.1  # probability that dips of normal noise count as heavy tails
-_QUIET = 1.1  # times the noise of the quietest dark frames
-_DENSE = 5e-4  # share of the values; as many faint ends of tracks at six standard deviations add 2 % to the variance
-_AROUND = np.ones((3, 3), bool)
-
 
 def without_stale(
     frames: FrameSet, facts: list[Facts], groups: Sequence[Group], found: Findings
@@ -34,13 +26,12 @@ def without_stale(
     (1969) 1). Flats of another level are a level of their own.
     """
     stale = []
-    fewest = 4
     for group in groups:
-        if group.kind == "flat" or len(group.indices) < fewest:
+        if group.kind == "flat" or len(group.indices) < 4:
             continue
         means = np.array([facts[i].mean for i in group.indices])
         worst = int(np.abs(means - np.median(means)).argmax())
-        if _grubbs(means, worst) < _STALE:
+        if _grubbs(means, worst) < 5e-4:  # such an outlier has one group of sound frames
             stale.append(group.indices[worst])
     if not stale:
         return frames, facts
@@ -123,12 +114,13 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
     for i, hit, bright in hits:
         hit = hit & (seen[hit.shape] <= most[hit.shape])
         if hit.any():
-            chosen[i] = hit | (ndimage.binary_dilation(hit, _AROUND) & bright)
+            chosen[i] = hit | (ndimage.binary_dilation(hit, np.ones((3, 3), bool)) & bright)
     if not chosen:
         return frames
     pixels = sum(int(m.sum()) for m in chosen.values())
     values = sum(p.first.size * len(g.indices) for g, p in zip(several, peaks))
-    is_dense = pixels > _DENSE * values
+    # As many faint ends of tracks at six standard deviations add 2 % to the variance.
+    is_dense = pixels > 5e-4 * values
     found.warn(
         f"cosmic_rays: {pixels} values in {len(chosen)} frames are far brighter than the same pixels of the "
         "other frames of their setting and are excluded"
@@ -148,11 +140,12 @@ def _tail(dips: Sequence[tuple[_Peaks, int]]) -> float:
     their frames), as few values show less of them; 0 where these are normal.
     """
     least = min((p.noise for p, _ in dips), default=0.0)
-    quiet = [(p, n) for p, n in dips if p.noise <= _QUIET * least]
+    quiet = [(p, n) for p, n in dips if p.noise <= 1.1 * least]
     size = sum(p.first.size for p, _ in quiet)
-    heavy = [p.dip for p, n in quiet if p.dip > _normal_gap(float(f"{_HEAVY / size:.2e}"), n) * p.noise + 1]
-    tail = 3.0  # with tails of a power of 6.7 (Tukey-lambda of -0.15) as many values exceed their greatest dip so far once in 1000
-    return tail * max(heavy, default=0.0)
+    # Dips of normal noise count as heavy tails in one set of ten. With tails of a power of 6.7 (Tukey-lambda of -0.15) as many
+    # values exceed three times their greatest dip once in 1000.
+    heavy = [p.dip for p, n in quiet if p.dip > _normal_gap(float(f"{0.1 / size:.2e}"), n) * p.noise + 1]
+    return 3.0 * max(heavy, default=0.0)
 
 
 def _most_often(counts: np.ndarray, groups: int) -> int:
@@ -170,9 +163,7 @@ def _most_often(counts: np.ndarray, groups: int) -> int:
 
 
 def _hits(excess: np.ndarray, frame: np.ndarray, n: int, groups: int, skewness: float) -> np.ndarray:
-    """(H, W) pixels whose gap to the second greatest of n values, in noises, is no noise's: alone, or two or
-    three in a line.
-    """
+    """(H, W) pixels whose gap to the second greatest of n values, in noises, is no noise's: alone, or two or three in a line."""
     allowed = FALSE_ALARM / groups / excess.size / 3  # of a pixel, for each length
     hit = excess > _gap(allowed, n, skewness)
     lines = ((0, 1), (1, 0), (1, 1), (1, -1))  # directions in which pixels of a track adjoin
@@ -233,15 +224,9 @@ def _peaks(frames: FrameSet, group: Group) -> _Peaks:
         steps.append(step / one.size)
         before = frame
     # of normal noise, from the mean absolute difference
-    noise = 0.5 * math.sqrt(math.pi) * float(np.median(steps))
-    return _Peaks(
-        first,
-        second,
-        which,
-        float((next_least - least).max()),
-        max(noise, 0.5),
-        float((one == 0).mean()) > PILED_SHARE,
-    )
+    noise = max(0.5 * math.sqrt(math.pi) * float(np.median(steps)), 0.5)
+    dip, is_cut = float((next_least - least).max()), float((one == 0).mean()) > PILED_SHARE
+    return _Peaks(first, second, which, dip, noise, is_cut)
 
 
 def _levels(frame: np.ndarray, by_rows: bool) -> np.ndarray:
@@ -265,8 +250,7 @@ def _rough_gain(groups: Sequence[Group], peaks: Sequence[_Peaks]) -> float:
 def without_bands(measured: Measured, found: Findings) -> Measured:
     """Levels that know what rows share in flats and not in dark frames, which light that changes within a frame adds."""
     tested = [v for v in measured.levels if v.flat.n > 1 and v.dark.n > 1 and v.signal > 0]
-    bands = 1e-3  # probability of a false alarm in one set
-    banded = [v for v in tested if _excess_p(v.flat, v.dark) < bands / max(len(tested), 1)]
+    banded = [v for v in tested if _excess_p(v.flat, v.dark) < FALSE_ALARM / len(tested)]
     if not banded:
         return measured
     if any(_rolls(measured.frames, v.flat, v.dark) for v in banded):
@@ -286,26 +270,26 @@ def without_bands(measured: Measured, found: Findings) -> Measured:
 
 def _rolls(frames: FrameSet, flat: GroupMoments, dark: GroupMoments) -> bool:
     """Whether rows still change together where a change of the whole light, which moves each by its own signal, is taken out."""
-    f, d = flat.temporal, dark.temporal
-    assert f is not None
-    assert d is not None
     rows = np.array([frames.read(i).mean(1, dtype=np.float64) for i in flat.group.indices])
     change = rows - rows.mean(0)
     basis = np.stack([np.ones(rows.shape[1]), flat.row_means], 1)
     change = change - (basis @ np.linalg.lstsq(basis, change.T, rcond=None)[0]).T
     df = (len(rows) - 1) * (rows.shape[1] - 2)
-    expected = (f.pixel + max(d.row - d.pixel, 0.0)) / flat.shape[1]
+    expected = _expected_rows(flat, dark) / flat.shape[1]
     rolling = 1.5  # variance of row means over what noise gives them
     return expected > 0 and float((change**2).sum()) / df > rolling * expected
 
 
-def _excess_p(flat: GroupMoments, dark: GroupMoments) -> float:
-    """Of the rows' mean square in flats, where the pixels' noise and what rows share in dark frames are expected."""
+def _expected_rows(flat: GroupMoments, dark: GroupMoments) -> float:
+    """Mean square of the rows of flats by the noise of their pixels and what rows share in dark frames."""
     f, d = flat.temporal, dark.temporal
-    assert f is not None
-    assert d is not None
-    expected = f.pixel + max(d.row - d.pixel, 0.0)
-    return float(stats.f.sf(f.row / expected, f.row_df, d.row_df)) if expected > 0 else 1.0
+    return 0.0 if f is None or d is None else f.pixel + max(d.row - d.pixel, 0.0)
+
+
+def _excess_p(flat: GroupMoments, dark: GroupMoments) -> float:
+    """Probability of the mean square of the rows of flats."""
+    f, d, expected = flat.temporal, dark.temporal, _expected_rows(flat, dark)
+    return float(stats.f.sf(f.row / expected, f.row_df, d.row_df)) if f and d and expected > 0 else 1.0
 
 
 def band_variance(flat: GroupMoments, dark: GroupMoments) -> float:

@@ -1,16 +1,14 @@
 """From flats: gain, quantum efficiency, full well, PRNU, and how the gain follows its setting in dB."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
-from visaug.characterization import additivity, spatial
-from visaug.characterization.groups import FlatLevel, Measured
+from visaug.characterization import additivity
+from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments, largest_place, mean_map
 from visaug.characterization.mosaic import Mosaic
-from visaug.characterization.nonuniformity import Parts, parts, surface
+from visaug.characterization.nonuniformity import PARTS, Parts, check_structure, parts, surface, tile
 from visaug.characterization.photon_transfer import (
     PhotonTransferResult,
     converter_clips,
@@ -27,8 +25,6 @@ NEEDS_CLEAR_FLATS = (
     "clear of 0 and of the converter's top"
 )
 NEEDS_PHOTONS = "flats with known photons per pixel"
-_SCATTER = 0.02  # deviation of the variances from their curve: the gain of any level alone is as far off
-_CONTRADICTED = 0.05  # deviation of the signals from their course over the photons: that of a rough calibration of the light
 _FROM_PHOTONS = (
     "quantum_efficiency",
     "emva.quantum_efficiency",
@@ -36,7 +32,6 @@ _FROM_PHOTONS = (
     "emva4.absolute_sensitivity_*photons",
     "emva4.responsivity_*",
 )
-_LEAST_EFFICIENCY = 1e-3  # e-/photon: below what silicon has anywhere between 300 and 1100 nm
 
 
 def gain_and_efficiency(found: Findings, measured: Measured, dark_tells: bool) -> PhotonTransferResult | None:
@@ -55,21 +50,17 @@ def gain_and_efficiency(found: Findings, measured: Measured, dark_tells: bool) -
     low, high = 1 / (gain + half), 1 / (gain - half) if gain > half else math.inf
     found.add("gain_e_per_dn", (1 / gain, low, high), "e-/DN", source)
     found.gain = MeasuredGain(gain, result.gain_error / gain, measured=True)
-    _scattered(found, result)
-    _curvature(found, result, additivity.course([result.levels[i] for i in result.safe]))
-    _efficiency(found, result)
-    _transfer_curves(found, result)
-    return result
-
-
-def _scattered(found: Findings, result: PhotonTransferResult) -> None:
-    if result.scatter > _SCATTER:
+    if result.scatter > 0.02:  # the gain of any level alone is as far off
         found.warn(
             f"photon_transfer_scattered: the variances of {len(result.safe)} levels deviate by {result.scatter:.1%} from every "
             "smooth course over the signal: the gain is not one (automatic or alternating gain, levels of several cameras), "
             "or single levels are disturbed",
             spoils=additivity.FROM_GAIN,
         )
+    _curvature(found, result, additivity.course([result.levels[i] for i in result.safe]))
+    _efficiency(found, result)
+    _transfer_curves(found, result)
+    return result
 
 
 def _curvature(found: Findings, result: PhotonTransferResult, course: additivity.VarianceFits) -> None:
@@ -133,13 +124,13 @@ def _efficiency(found: Findings, result: PhotonTransferResult) -> None:
     _, low, high = symmetric(value, error, df)
     interval = value, max(low, 0.0), high
     found.add("quantum_efficiency", interval, "e-/photon", "responsivity over gain", 1.0)
-    if value < _LEAST_EFFICIENCY:
+    if value < 1e-3:  # below what silicon has anywhere between 300 and 1100 nm
         found.warn(
             f"photons_implausible: a quantum efficiency of {value:.2g} is that of no sensor; are the photons "
             "per pixel, not per cm2 or of the whole frame?",
             spoils=_FROM_PHOTONS,
         )
-    if line.scatter > _CONTRADICTED:
+    if line.scatter > 0.05:  # that of a rough calibration of the light
         found.warn(
             f"photons_contradicted: the signals of the flats deviate by {line.scatter:.0%} from every straight or bent course "
             "over the stated photons; check the column `photons` (levels exchanged, one unit for another, an offset)",
@@ -201,7 +192,6 @@ def response_pattern(
     place = largest_place(result.levels[i].flat for i in result.safe)
     levels = [v for i in result.safe if (v := result.levels[i]).flat.place == place]
     shape = levels[0].flat.shape
-    darks: dict[int, tuple[GroupMoments, np.ndarray]] = {}
     line = result.response
     gap = np.array([v.exposure_gap_s for v in levels])
     rate, rate_error = line.dark_dn_per_s if line is not None else (0.0, 0.0)
@@ -209,7 +199,7 @@ def response_pattern(
     weights = np.array([v.flat.n / max(v.flat.variance, 1e-9) for v in levels])
     free = result.flats_alone  # dark frames do not tell the pattern either: flats alone
     if free and len(levels) < 2:
-        for name in ("row", "column", "pixel"):
+        for name in PARTS:
             found.miss(f"prnu.{name}", NEEDS_CLEAR_FLATS)
         return None
     weights *= signals - (weights @ signals / weights.sum() if free else 0.0)
@@ -219,18 +209,15 @@ def response_pattern(
     for v, a in zip(levels, weights):
         pattern += a * mean_map(measured.frames, v.flat.group.indices)
     noise = [(float(a) ** 2 / v.flat.n, v.flat) for v, a in zip(levels, weights)]
-    for v in () if free else levels:
-        if id(v.dark) not in darks:
-            darks[id(v.dark)] = (v.dark, mean_map(measured.frames, v.dark.group.indices))
-    for key, (dark, master) in darks.items():
-        share = float(sum(a for v, a in zip(levels, weights) if id(v.dark) == key))
-        pattern -= share * master
+    for dark in () if free else {id(v.dark): v.dark for v in levels}.values():
+        share = float(sum(a for v, a in zip(levels, weights) if v.dark is dark))
+        pattern -= share * mean_map(measured.frames, dark.group.indices)
         noise.append((share**2 / dark.n, dark))
     if mosaic is not None:
         colours = mosaic.map(shape)
         pattern /= colours
         noise = [(f * _noise_over(colours, m, result), m) for f, m in noise]
-    places = spatial.tile(pattern)
+    places = tile(pattern)
     if places is not None:
         pattern /= places
         noise = [(f * _noise_over(places, m, result), m) for f, m in noise]
@@ -242,10 +229,10 @@ def response_pattern(
                     "emva.saturation_*", "full_well_e", "emva.linearity_error_*"),
         )  # fmt: skip
     if not found.filtered:
-        spatial.check_structure(pattern, found)
+        check_structure(pattern, found)
     split = parts(pattern, noise, detrend=True)
     source = f"analysis of variance of the pixels' slopes over {len(levels)} levels, smooth shading taken out"
-    for name in ("row", "column", "pixel"):
+    for name in PARTS:
         found.add(f"prnu.{name}", root(getattr(split, name), relative=uncertain), "fraction", source)
     shading = np.ptp(surface(pattern))
     if shading > 0.01:
@@ -278,10 +265,9 @@ def capacity(found: Findings, result: PhotonTransferResult, pattern: Parts | Non
     spread = math.sqrt(max(pattern.total[0], 0.0)) if pattern else 0.0
     well = full_well(result, spread)
     if well is None:
-        if converter_clips(result.levels[-1]):
-            found.miss("full_well_e", "a lower gain: at this gain the converter clips before the full well")
-        else:
-            found.miss("full_well_e", "calibrated flats beyond saturation")
+        lower_gain = "a lower gain: at this gain the converter clips before the full well"
+        clips = converter_clips(result.levels[-1])
+        found.miss("full_well_e", lower_gain if clips else "calibrated flats beyond saturation")
         return
     found.add(
         "full_well_e", symmetric(*well, result.df), "e-", "mean of the brightest flats against the light"
@@ -292,7 +278,7 @@ def gain_law(found: Findings, measured: Measured, result: PhotonTransferResult) 
     """How the gain follows its setting: slope of measured over nominal decibels, 1 where it does exactly."""
     points = [(measured.gain_db, result.gain_dn_per_e, result.gain_error)]
     for gain_db, levels in measured.other_gains.items():
-        other = transfer(_with_noise(levels))
+        other = transfer([v for v in levels if v.flat.n > 1 and v.dark.n > 1])
         if other is not None:
             points.append((gain_db, other.gain_dn_per_e, other.gain_error))
     if len(points) < 2:
@@ -317,7 +303,3 @@ def gain_law(found: Findings, measured: Measured, result: PhotonTransferResult) 
     }
     if abs(slope - 1) > 3 * error + 0.02:
         found.warn(f"gain_law: 1 dB of the setting is {slope:.3f} dB of gain, not 1")
-
-
-def _with_noise(levels: tuple[FlatLevel, ...]) -> list[FlatLevel]:
-    return [v for v in levels if v.flat.n > 1 and v.dark.n > 1]

@@ -1,7 +1,5 @@
 """Maps of the sensor: dark current of every pixel, pixels that are no part of a pattern, and maps for a camera."""
 
-from __future__ import annotations
-
 import copy
 import os
 from collections.abc import Mapping
@@ -13,14 +11,14 @@ import numpy as np
 
 from visaug.characterization.alike import SAME_C
 from visaug.characterization.groups import Measured
-from visaug.characterization.moments import GroupMoments, Place, largest_place, mean_map
+from visaug.characterization.moments import GroupMoments, Place, largest_place, mean_map, pixel_variances
 from visaug.characterization.nonuniformity import surface, two_way
 from visaug.core.constants import MAD
 from visaug.core.errors import InputError
+from visaug.statistics.findings import Findings
 
 if TYPE_CHECKING:
     from visaug.characterization.result import Characterization
-    from visaug.statistics.findings import Findings
 
 
 class Defect(IntFlag):
@@ -61,11 +59,9 @@ def add_maps(found: Findings, measured: Measured) -> None:
         mark(found.stuck, Defect.DEAD, measured.moments[0].place)  # of sets of one window alone
     if defects is not None:
         found.maps["defects"] = defects
-        counts = {
-            name.lower(): int(((defects & bit.value) > 0).sum()) for name, bit in Defect.__members__.items()
-        }
+        counts = {name: np.count_nonzero(defects & bit.value) for name, bit in Defect.__members__.items()}
         if any(counts.values()):
-            found.warn("defect_pixels: " + ", ".join(f"{c} {n}" for n, c in counts.items() if c))
+            found.warn("defect_pixels: " + ", ".join(f"{c} {n.lower()}" for n, c in counts.items() if c))
 
 
 def _stands_out(values: np.ndarray) -> np.ndarray:
@@ -108,17 +104,11 @@ def _rates(measured: Measured, groups: list[GroupMoments]) -> tuple[np.ndarray, 
 
 def _deviation(measured: Measured, still: GroupMoments) -> np.ndarray:
     """Logarithm of every pixel's standard deviation over the still frames, rounding added."""
-    total, squares = np.zeros(still.shape), np.zeros(still.shape)
-    first = measured.frames.read(still.group.indices[0])
-    for i in still.group.indices:
-        difference = measured.frames.read(i).astype(np.float64) - first
-        total += difference
-        squares += difference**2
-    variance = (squares - total**2 / still.n) / (still.n - 1)
-    return np.log(np.sqrt(np.maximum(variance, 0.0) + 1 / 12))
+    first = measured.frames.read(still.group.indices[0]).astype(np.float64)
+    return np.log(np.sqrt(pixel_variances(measured.frames, still.group.indices, lambda _: first) + 1 / 12))
 
 
-def camera_maps(result: Characterization) -> dict[str, np.ndarray]:
+def camera_maps(result: "Characterization") -> dict[str, np.ndarray]:
     """Maps in the units of a camera file, by effect, (H, W) float32.
 
     `prnu` is K, the smooth course of light and lens taken out; `dsnu` e- about their mean; `read_noise` e-, where every
@@ -144,19 +134,17 @@ def camera_maps(result: Characterization) -> dict[str, np.ndarray]:
     if "read_noise" in maps and "read_noise_nonuniform" in words:
         found["read_noise"] = maps["read_noise"]
     rate = maps.get("dark_current")
-    below_0 = 0.023  # share of pixels whose rate comes out negative where its error is half the mean rate
-    if rate is not None and (rate < 0).mean() < below_0 and "dark_current" in content:
+    # Of a rate whose error is half the mean rate 2.3 % come out negative.
+    if rate is not None and (rate < 0).mean() < 0.023 and "dark_current" in content:
         factor = np.maximum(rate, 0) / rate.mean(dtype=np.float64)
         factor = without_noise(factor, result.dark_current_error / float(rate.mean(dtype=np.float64)))
         if factor is not None:
             found["dark_current_nonuniformity"] = factor
     for name, values in found.items():
         if values.shape != tuple(content["resolution"]):
-            raise InputError(
-                f"the map of {name} is {values.shape[0]} x {values.shape[1]}",
-                field="resolution",
-                expected="frames of the whole sensor, {} x {}".format(*content["resolution"]),
-            )
+            size = "the map of {} is {} x {}".format(name, *values.shape)
+            expected = "frames of the whole sensor, {} x {}".format(*content["resolution"])
+            raise InputError(size, field="resolution", expected=expected)
     return {name: values.astype(np.float32) for name, values in found.items()}
 
 

@@ -6,8 +6,6 @@ sensor, one black level. Every check is a statistic with a stated false-alarm ra
 groups of frames tell. Both run before any figure is found.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from visaug.characterization import additivity, codes, defective, exchangeable, in_time, neighbours

@@ -1,10 +1,8 @@
 """Means and variances of a group of frames, in one pass, holding one frame and two maps."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,9 +18,8 @@ Place = tuple[tuple[int, int], Window | None]
 class TemporalParts:
     """Mean squares of the temporal noise about the mean map and their degrees of freedom.
 
-    Expectations: ``frame`` HW s_t^2 + W s_tv^2 + H s_th^2 + s_tvh^2; ``row`` W s_tv^2 + s_tvh^2; ``column``
-    H s_th^2 + s_tvh^2; ``pixel`` s_tvh^2 (t frame, v row, h column). The 3-D noise model: J. D'Agostino and
-    C. Webb, Proc. SPIE 1488 (1991) 110.
+    Expectations: ``frame`` HW s_t^2 + W s_tv^2 + H s_th^2 + s_tvh^2; ``row`` W s_tv^2 + s_tvh^2; ``column`` H s_th^2 + s_tvh^2;
+    ``pixel`` s_tvh^2 (t frame, v row, h column). The 3-D noise model: J. D'Agostino and C. Webb, Proc. SPIE 1488 (1991) 110.
     """
 
     frame: float
@@ -45,8 +42,7 @@ class GroupMoments:
         frame_means: (n,) mean of each frame, DN.
         row_means: (H,) mean over frames and columns, DN.
         column_means: (W,) mean over frames and rows, DN.
-        row_variances: (H,) mean over columns of the pixels' variance over frames (n - 1 in it), DN^2; 0 for
-            one frame.
+        row_variances: (H,) mean over columns of the pixels' variance over frames (n - 1 in it), DN^2; 0 for one frame.
         spatial_variance: variance of the mean map (HW - 1 in it), DN^2.
         temporal: mean squares of the temporal noise, None for one frame.
         clipped_low, clipped_high: share of pixels at 0 and at the converter's top.
@@ -141,43 +137,50 @@ def nearness(window: Window | None) -> tuple[int, ...]:
     return tuple(-edge for edge in window or ())
 
 
+def middle(shape: tuple[int, int]) -> tuple[slice, slice]:
+    """A window in the middle of up to 512 x 512 pixels, which tells covariances to 0.2 % of the variance from two frames."""
+    side = 512
+    r0, c0 = (max((n - side) // 2, 0) for n in shape)
+    return slice(r0, r0 + side), slice(c0, c0 + side)
+
+
 def mean_map(frames: FrameSet, indices: Iterable[int]) -> np.ndarray:
     """Mean over frames, (H, W) float64 in DN."""
-    total, count = None, 0
+    indices = list(indices)
+    total = frames.read(indices[0]).astype(np.float64)
+    for i in indices[1:]:
+        total += frames.read(i)
+    return total / len(indices)
+
+
+def pixel_variances(
+    frames: FrameSet, indices: Sequence[int], offset: Callable[[int], float | np.ndarray]
+) -> np.ndarray:
+    """Variance of every pixel over frames, (H, W) DN^2; what a frame has beyond its `offset` counts (n - 1 in it)."""
+    total = squares = np.zeros(frames.shape(indices[0]))
     for i in indices:
-        frame = frames.read(i)
-        total = frame.astype(np.float64) if total is None else np.add(total, frame, out=total)
-        count += 1
-    assert total is not None
-    return total / count
+        values = frames.read(i) - offset(i)
+        total, squares = total + values, squares + values**2
+    return np.maximum(squares - total**2 / len(indices), 0.0) / (len(indices) - 1)
 
 
 def _at_the_top(frame: np.ndarray, top: int | None, pile: bool) -> int:
     """Pixels at the converter's top: the known one, or, of flats, a value that far too many share as the largest."""
     largest = float(frame.max())
     count = int(np.count_nonzero(frame == largest))
-    if largest == top or (pile and count > PILED_SHARE * frame.size and largest > frame.min()):
-        return count
-    return 0
+    piled = pile and count > PILED_SHARE * frame.size and largest > frame.min()
+    return count if largest == top or piled else 0
 
 
 def _temporal_parts(rows: np.ndarray, columns: np.ndarray, variance: float) -> TemporalParts:
     """The sums of squares of a three-way layout, from row and column means of every frame."""
-    n, height = rows.shape
-    width = columns.shape[1]
+    (n, height), width = rows.shape, columns.shape[1]
     levels = rows.mean(1)
     t = levels - levels.mean()
     tv = (rows - levels[:, None]) - (rows - levels[:, None]).mean(0)
     th = (columns - levels[:, None]) - (columns - levels[:, None]).mean(0)
-    whole = variance * (n - 1) * height * width
     frame = height * width * (t**2).sum()
     row, column = width * (tv**2).sum(), height * (th**2).sum()
-    pixel = max(whole - frame - row - column, 0.0)
-    df = (n - 1, (n - 1) * (height - 1), (n - 1) * (width - 1), (n - 1) * (height - 1) * (width - 1))
-    return TemporalParts(
-        frame / df[0],
-        row / max(df[1], 1),
-        column / max(df[2], 1),
-        pixel / max(df[3], 1),
-        *(max(d, 1) for d in df),
-    )
+    pixel = max(variance * (n - 1) * height * width - frame - row - column, 0.0)
+    df = [max((n - 1) * k, 1) for k in (1, height - 1, width - 1, (height - 1) * (width - 1))]
+    return TemporalParts(frame / df[0], row / df[1], column / df[2], pixel / df[3], *df)

@@ -1,7 +1,5 @@
 """Colour mosaics: whether pixels of a 2 x 2 answer to different light, from the header or from the flats."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -35,8 +33,7 @@ class Mosaic:
     def green(self) -> tuple[int, int]:
         """Positions in `PLACES` of the two greens."""
         if self.pattern is not None:
-            first, second = (i for i, c in enumerate(self.pattern) if c == "G")
-            return first, second
+            return self.pattern.index("G"), self.pattern.rindex("G")
         r = self.response
         return (0, 3) if abs(r[0] - r[3]) < abs(r[1] - r[2]) else (1, 2)
 
@@ -83,8 +80,9 @@ def find_mosaic(frames: FrameSet, facts: Sequence[Facts]) -> Mosaic | None:
 
 def _contradicted(pattern: str, response: np.ndarray) -> bool:
     """Whether the flats show the greens on the other diagonal than the pattern: a colour is no plain difference of two greens."""
-    greens = abs(float(np.subtract(*response[[i for i, c in enumerate(pattern) if c == "G"]])))
-    others = abs(float(np.subtract(*response[[i for i, c in enumerate(pattern) if c != "G"]])))
+    greens, others = (
+        abs(float(np.subtract(*response[[i for i, c in enumerate(pattern) if (c == "G") == green]])))
+        for green in (True, False)
+    )
     # of the signal: crosstalk from red and blue parts the greens of one sensor by a few per cent
-    unlike_greens = 0.08
-    return greens > max(unlike_greens, others)
+    return greens > max(0.08, others)

@@ -5,8 +5,6 @@ A share of a pixel's signal that shows in its neighbours lowers its variance and
 sum against the signal has the slope that the variance alone would have without it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +13,7 @@ import numpy as np
 from scipy import stats
 
 from visaug.characterization.groups import FlatLevel, Measured
-from visaug.characterization.moments import GroupMoments, mean_map
+from visaug.characterization.moments import GroupMoments, mean_map, middle
 from visaug.frames import FrameSet
 from visaug.statistics.findings import FROM_NOISE, Findings
 
@@ -48,13 +46,9 @@ def covariances(frames: FrameSet, moments: GroupMoments) -> Covariances:
 
     Taking them out leaves -v/W between pixels of one row and -v/H between those of one column: added back.
     """
-    height, width = moments.shape
-    side = 512  # pixels: a window of that side tells covariances to 0.2 % of the variance from two frames
-    r0, c0 = max((height - side) // 2, 0), max((width - side) // 2, 0)
-    part = slice(r0, r0 + side), slice(c0, c0 + side)
-    indices = moments.group.indices
+    indices, part = moments.group.indices, middle(moments.shape)
     mean = mean_map(frames, indices)[part]
-    h, w = min(height, side), min(width, side)
+    h, w = mean.shape
     sums, square = np.zeros(len(LAGS)), 0.0
     for i in indices:
         r = frames.read(i)[part] - mean
@@ -75,20 +69,15 @@ def with_covariances(measured: Measured, found: Findings) -> Measured:
     levels = [v for v in measured.sweep if v.signal > 0 and min(v.flat.shape) > 3 and not v.flat.clipped_high]
     if not levels:
         return measured
-    known: dict[int, Covariances] = {}
-
-    def of(moments: GroupMoments) -> Covariances:
-        if id(moments) not in known:
-            known[id(moments)] = covariances(measured.frames, moments)
-        return known[id(moments)]
-
-    pairs = [(of(v.flat), of(v.dark)) for v in levels]
-    light = _pooled(pairs)
-    dark = _correlations([of(m) for m in {id(v.dark): v.dark for v in levels}.values()])
+    groups = {id(m): m for v in levels for m in (v.flat, v.dark)}
+    known = {key: covariances(measured.frames, m) for key, m in groups.items()}
+    pairs = {id(v): (known[id(v.flat)], known[id(v.dark)]) for v in levels}
+    light = _pooled([*pairs.values()])
+    dark = _correlations([known[key] for key in dict.fromkeys(id(v.dark) for v in levels)])
     in_light, in_dark = _significant(*light), _significant(*dark)
     if in_light and not in_dark:
         _warn_shared(found, light[0])
-        return replace(measured, levels=tuple(_with(v, levels, pairs) for v in measured.levels))
+        return replace(measured, levels=tuple(_with(v, pairs.get(id(v))) for v in measured.levels))
     if in_light:
         found.filtered = True
         found.smoothed = _alike(light[0], dark[0])
@@ -130,15 +119,12 @@ def _coupling(correlation: float) -> float:
     return share if 0 < share < 0.1 else 0.0
 
 
-def _with(
-    level: FlatLevel, levels: Sequence[FlatLevel], pairs: Sequence[tuple[Covariances, Covariances]]
-) -> FlatLevel:
-    for v, (flat, dark) in zip(levels, pairs):
-        if v is level:
-            # The sum of four covariances, each counted twice.
-            error = 4 * math.hypot(flat.error, dark.error)
-            return replace(level, shared_variance=flat.shared - dark.shared, shared_error=error)
-    return level
+def _with(level: FlatLevel, pair: tuple[Covariances, Covariances] | None) -> FlatLevel:
+    if pair is None:
+        return level
+    flat, dark = pair
+    error = 4 * math.hypot(flat.error, dark.error)  # of the sum of four covariances, each counted twice
+    return replace(level, shared_variance=flat.shared - dark.shared, shared_error=error)
 
 
 def _pooled(pairs: Sequence[tuple[Covariances, Covariances]]) -> tuple[np.ndarray, np.ndarray]:

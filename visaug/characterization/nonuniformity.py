@@ -1,7 +1,8 @@
-"""Fixed patterns split into row, column and pixel parts, with intervals for the camera's own parameters."""
+"""Fixed patterns split into row, column and pixel parts, with intervals for the camera's own parameters; and patterns of the
+response that are no white pattern of pixels: mosaics of any period, structured light.
+"""
 
-from __future__ import annotations
-
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,9 +11,10 @@ from scipy import stats
 
 from visaug.characterization.moments import GroupMoments
 from visaug.core.constants import MAD
-from visaug.core.intervals import variance_combination
+from visaug.core.intervals import Interval, variance_combination
+from visaug.statistics.findings import Findings
 
-Interval = tuple[float, float, float]
+PARTS = ("row", "column", "pixel")
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,7 @@ def parts(pattern: np.ndarray, noise: Sequence[tuple[float, GroupMoments]], detr
 
     Args:
         pattern: (H, W) map.
-        noise: what is left of temporal noise: (factor, moments), the variance of a frame's noise times
-            factor.
+        noise: what is left of temporal noise: (factor, moments), the variance of a frame's noise times factor.
         detrend: take out a surface of second order first (light falls off smoothly; a pattern is white).
     """
     height, width = pattern.shape
@@ -79,14 +80,13 @@ def parts(pattern: np.ndarray, noise: Sequence[tuple[float, GroupMoments]], detr
 def two_way(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
     """Row effects (H,), column effects (W,), residual map with defects set to 0, and their number."""
     filled = values
-    defect = 8.0  # robust standard deviations: beyond are defects, no sample of a normal pattern
     for _ in range(3):
         mean = filled.mean()
         rows, columns = filled.mean(1) - mean, filled.mean(0) - mean
         fitted = mean + rows[:, None] + columns[None]
         residual = values - fitted
         spread = MAD * np.median(np.abs(residual - np.median(residual)))
-        bad = np.abs(residual) > defect * max(spread, 1e-12)
+        bad = np.abs(residual) > 8.0 * max(spread, 1e-12)  # defects, no sample of a normal pattern
         if not bad.any() or bad.mean() > 0.05:
             bad[:] = False
             break
@@ -158,9 +158,53 @@ def corrected_split(m: GroupMoments) -> dict[str, float]:
         steady = means - means.mean(1, keepdims=True)
         return float(steady.var(axis=0, ddof=1).mean()) / m.n
 
-    return release_4(
-        m,
-        total_noise=m.variance / m.n,
-        column_noise=noise(m.columns_by_frame),
-        row_noise=noise(m.rows_by_frame),
-    )
+    return release_4(m, m.variance / m.n, noise(m.columns_by_frame), noise(m.rows_by_frame))
+
+
+def tile(pattern: np.ndarray) -> np.ndarray | None:
+    """(H, W) mean response of each place of a mosaic of 4 x 4 or 6 x 6, 1 on average; None where there is none."""
+    height, width = pattern.shape
+    best, least = None, float(np.var(pattern))
+    plain = 0.02  # of the response: colours differ by more than the pixels of one colour do
+    for period in (4, 6):  # quad Bayer; Fujifilm's X-Trans
+        if min(height, width) < 4 * period:
+            continue
+        phases = [[pattern[r::period, c::period] for c in range(period)] for r in range(period)]
+        places = np.array([[np.median(phase) for phase in row] for row in phases])
+        whole = np.tile(places, (height // period + 1, width // period + 1))[:height, :width]
+        # Rows and columns of a period alone are no colours: parity or taps.
+        crossed = places - places.mean(1, keepdims=True) - places.mean(0) + places.mean()
+        left = float(np.var(pattern - whole))
+        if math.sqrt(float((crossed**2).mean())) > plain * places.mean() and left < 0.9 * least:
+            best, least = whole / whole.mean(), left
+    return best
+
+
+def structured(pattern: np.ndarray) -> tuple[float, float]:
+    """Variance of the means of 8 x 8 blocks, rows, columns and a smooth surface taken out: its probability among white
+    pixels, and what exceeds these as a share of the variance of the pixels.
+
+    Light that is uneven (dust, a lens that falls off faster than by the square of the distance) makes blocks differ.
+    """
+    block = 8  # pixels, the side of the blocks over which structure is looked for
+    height, width = (n // block for n in pattern.shape)
+    if min(height, width) < 4:
+        return 1.0, 0.0
+    values = pattern[: height * block, : width * block]
+    _, _, residual, _ = two_way(values - surface(values))
+    blocks = residual.reshape(height, block, width, block).mean((1, 3))
+    df = (height - 1) * (width - 1) - 1
+    pixel_df = (residual.shape[0] - 1) * (residual.shape[1] - 1) - 1
+    ratio = float((blocks**2).sum()) / df * block**2 / (float((residual**2).sum()) / pixel_df)
+    return float(stats.f.sf(ratio, df, pixel_df)), (ratio - 1) / block**2
+
+
+def check_structure(pattern: np.ndarray, found: Findings) -> None:
+    """Warns of light, or of a response, with structure that counts as PRNU."""
+    chance, share = structured(pattern)
+    if chance < 0.003 and share > 0.02:  # of the pixels' variance, which makes PRNU 1 % too high
+        found.warn(
+            "structured_light: the response varies from one part of the frame to another beyond a smooth "
+            "surface (dust, a lens that falls off steeply, an uneven source), which counts as PRNU",
+            spoils=("prnu.*", "emva.prnu_fraction", "emva4.prnu_*", "emva4_corrected.prnu_*"),
+        )

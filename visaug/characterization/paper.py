@@ -7,15 +7,14 @@ dropped; an exponential through the slopes. Its values have no finite-sample cor
 intervals know the bias and reach over it. The default method has no such bias.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy import optimize, stats
 
+from visaug.camera import Camera
 from visaug.characterization import dark_current, tukey
 from visaug.characterization.groups import Measured
 from visaug.characterization.light import NEEDS_FLATS, NEEDS_PHOTONS
@@ -24,19 +23,13 @@ from visaug.characterization.still import NEEDS_STILL, add_in_electrons, master_
 from visaug.core.intervals import symmetric, t_quantile
 from visaug.statistics.findings import Findings, MeasuredGain
 
-if TYPE_CHECKING:
-    from visaug.camera import Camera
-
 
 def procedure(found: Findings, measured: Measured, camera: Camera | None) -> None:
     """Read noise, DSNU and dark current; the gain comes from the camera, or figures stay in DN."""
     if camera is not None:
         found.gain = MeasuredGain(1 / camera.gain_at(measured.gain_db), 0.0, measured=False)
-    for name, needs in (
-        ("gain_e_per_dn", NEEDS_FLATS + "; this procedure has none"),
-        ("quantum_efficiency", NEEDS_PHOTONS + "; this procedure has none"),
-    ):
-        found.miss(name, needs)
+    found.miss("gain_e_per_dn", NEEDS_FLATS + "; this procedure has none")
+    found.miss("quantum_efficiency", NEEDS_PHOTONS + "; this procedure has none")
     still = measured.still
     if still is None:
         found.miss("read_noise.sigma_e", NEEDS_STILL)
@@ -61,24 +54,19 @@ def _bias(found: Findings, measured: Measured, still: GroupMoments) -> None:
     error = math.hypot(columns / math.sqrt(width), rows / math.sqrt(height))
     level = symmetric(still.mean, error, min(still.shape) - 1)
     found.add("black_level_dn", level, "DN", "mean of the master bias")
-    deviations = []
-    edges = None
-    histogram = np.zeros(0)
+    deviations, edges, histogram = [], np.zeros(0), np.zeros(160, int)
     for i in still.group.indices:
         residual = measured.frames.read(i) - master
         residual -= residual.mean()
         deviations.append(float(residual.std()))
-        if edges is None:
-            edges = np.linspace(-8, 8, 161) * max(deviations[0], 1e-6)
-        counts = np.histogram(residual, edges)[0]
-        histogram = counts if not histogram.size else histogram + counts
+        edges = np.linspace(-8, 8, 161) * max(deviations[0], 1e-6)
+        histogram = histogram + np.histogram(residual, edges)[0]
     sigma = float(np.mean(deviations))
-    assert edges is not None
     error = float(np.std(deviations, ddof=1)) / math.sqrt(still.n) if still.n > 1 else math.nan
     half = t_quantile(still.n - 1) * error
     lost = math.sqrt(still.n / (still.n - 1))  # the frames' own mean takes a share of the noise with it
     source = f"mean standard deviation of {still.n} residual frames"
-    add_in_electrons(found, "read_noise.sigma", (sigma, (sigma - half), (sigma + half) * lost), source)
+    add_in_electrons(found, "read_noise.sigma", (sigma, sigma - half, (sigma + half) * lost), source)
     if not sigma > 0:
         found.miss("read_noise.shape", "frames whose noise is larger than a DN")
         return
@@ -97,30 +85,23 @@ def _bias(found: Findings, measured: Measured, still: GroupMoments) -> None:
     curvature = (mismatch(best.x + h) - 2 * best.fun + mismatch(best.x - h)) / h**2
     shape_error = math.sqrt(2 * variance / curvature) if curvature > 0 else math.nan
     shape = float(best.x)
-    # The mean that is taken out of n frames draws residuals nearer to the normal law, by about 1.5 / n of
-    # the way.
+    # The mean that is taken out of n frames draws residuals nearer to the normal law, by about 1.5 / n of the way.
     hidden = 2 * (shape - tukey.GAUSSIAN_SHAPE) / still.n
-    interval = (
-        shape,
-        shape - 1.96 * shape_error + min(hidden, 0.0),
-        shape + 1.96 * shape_error + max(hidden, 0.0),
-    )
-    found.add("read_noise.shape", interval, "1", f"histogram of {still.n} residual frames")
+    low, high = shape - 1.96 * shape_error + min(hidden, 0.0), shape + 1.96 * shape_error + max(hidden, 0.0)
+    found.add("read_noise.shape", (shape, low, high), "1", f"histogram of {still.n} residual frames")
 
 
 def _dark(found: Findings, measured: Measured) -> None:
     scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
     unit, suffix = ("DN/s", "dn") if found.gain is None else ("e-/s", "e")
     by_temperature: dict[float, list[tuple[float, float]]] = {}
-    dropped_from = 4  # batches of fewer frames keep their smallest and largest mean
     for m in measured.darks:
         if m.group.temperature_c is None:
             continue
         means = np.sort(m.frame_means)
-        kept = means[1:-1] if len(means) >= dropped_from else means
-        by_temperature.setdefault(m.group.temperature_c, []).append(
-            (m.group.exposure_s, float(kept.mean()) * scale)
-        )
+        kept = means[1:-1] if len(means) >= 4 else means  # fewer frames keep their smallest and largest mean
+        point = (m.group.exposure_s, float(kept.mean()) * scale)
+        by_temperature.setdefault(m.group.temperature_c, []).append(point)
     lines: dict[float, Any] = {
         t: stats.linregress(*np.array(points).T)
         for t, points in by_temperature.items()
@@ -137,12 +118,10 @@ def _dark(found: Findings, measured: Measured) -> None:
     start = np.polyfit(temperatures[rates > 0], np.log(rates[rates > 0]), 1)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", optimize.OptimizeWarning)  # two points leave no covariance
-        (a, b), covariance = optimize.curve_fit(  # pyrefly: ignore[bad-unpacking]
-            lambda t, a, b: a * np.exp(b * t),
-            temperatures,
-            rates,
-            p0=(math.exp(start[1]), start[0]),
-            maxfev=9999,
+        start = math.exp(start[1]), start[0]
+        # pyrefly: ignore[bad-unpacking]
+        (a, b), covariance = optimize.curve_fit(
+            lambda t, a, b: a * np.exp(b * t), temperatures, rates, p0=start, maxfev=9999
         )
     errors = np.zeros(2)
     if len(lines) > 2 and np.isfinite(covariance).all():

@@ -1,7 +1,5 @@
 """Gain, quantum efficiency, linearity and saturation from flats: temporal variance against mean signal."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,12 +13,6 @@ from visaug.characterization.response import Response, response
 from visaug.core.intervals import jackknife
 from visaug.statistics.findings import FALSE_ALARM
 
-_FIT_SHARE = 0.7  # EMVA 1288: the fits of gain and responsivity end at 70 % of saturation
-_LINEAR_SHARE = (0.05, 0.95)
-_SAFE_SHARE = 0.85  # the camera's own gain may use more levels than the standard's fit
-_SPAN = 3  # brightest over faintest level from which on a bend can be seen
-_DOUBT = 0.002
-_CUT = 1e-4
 EVEN_DN = 0.6  # noise from which on rounding is an even error
 _COLLAPSE = 0.7  # variance below this share of the shot noise's tells clipping
 
@@ -31,8 +23,7 @@ class PhotonTransferResult:
 
     Attributes:
         gain_dn_per_e: slope at zero signal by weighted least squares over all safe levels.
-        curvature_per_dn: c of the variance K S (1 + c S), its standard error beside it; None for fewer levels
-            than tell it.
+        curvature_per_dn: c of the variance K S (1 + c S), its standard error beside it; None for fewer levels than tell it.
         flats_alone: whether the variance without light was fitted, since dark frames do not tell it.
         response: the signal's course over photons, None where the source is not calibrated.
         safe: positions of the levels that are clear of saturation.
@@ -55,7 +46,7 @@ class PhotonTransferResult:
         if self.curvature_per_dn is None:
             return False
         value, error = self.curvature_per_dn
-        return abs(value) > float(stats.t.ppf(1 - _DOUBT / 2, self.df)) * error
+        return abs(value) > float(stats.t.ppf(1 - 0.002 / 2, self.df)) * error
 
 
 def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTransferResult | None:
@@ -105,20 +96,12 @@ def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTran
     scatter, times, spare = _scatter(chosen, basis, inverse, dark_tells)
     if scatter:
         error, df = times * error, min(df, spare)
-    bend, bend_error, _ = found["curvature"]
-    return PhotonTransferResult(
-        levels,
-        value,
-        error,
-        df,
-        (bend, max(math.hypot(bend_error, added.get(2, 0.0) / value), white.get(2, 0.0) / value))
-        if 2 in powers
-        else None,
-        not dark_tells,
-        response(chosen, dark_tells),
-        safe,
-        scatter,
-    )
+    curvature = None
+    if 2 in powers:
+        bend, bend_error, _ = found["curvature"]
+        curvature = bend, max(math.hypot(bend_error, added[2] / value), white[2] / value)
+    line = response(chosen, dark_tells)
+    return PhotonTransferResult(levels, value, error, df, curvature, not dark_tells, line, safe, scatter)
 
 
 def _scatter(
@@ -149,7 +132,7 @@ def _errors(inverse: np.ndarray, powers: tuple[int, ...], errors: Sequence[float
 def _powers(levels: Sequence[FlatLevel], dark_tells: bool) -> tuple[int, ...]:
     """Powers of the signal in the fit: as many as the levels carry."""
     signals = [v.flat.mean if not dark_tells else v.signal for v in levels]
-    carries = len(levels) >= 4 and max(signals) >= _SPAN * min(signals)
+    carries = len(levels) >= 4 and max(signals) >= 3 * min(signals)  # a bend can be seen
     return (1, 2) if dark_tells and carries else (1,) if dark_tells else (0, 1)
 
 
@@ -166,15 +149,12 @@ def saturated_level(levels: Sequence[FlatLevel]) -> int | None:
 def safe_levels(
     levels: Sequence[FlatLevel], saturation: int | None, dark_tells: bool = True
 ) -> tuple[int, ...]:
-    limit = math.inf if saturation is None else _SAFE_SHARE * levels[saturation].signal
-    chosen = [
-        i
-        for i, v in enumerate(levels)
-        if 0 < v.signal <= limit and v.flat.clipped_high == 0 and v.photons != 0
-    ]
-    chosen = [i for i in chosen if levels[i].variance_of_all > 0 or not dark_tells]
+    safe = 0.85  # of saturation: the camera's own gain may use more levels than the standard's fit
+    limit = math.inf if saturation is None else safe * levels[saturation].signal
+    clear = [v.flat.clipped_high == 0 and v.photons != 0 and 0 < v.signal <= limit for v in levels]
+    chosen = [i for i, v in enumerate(levels) if clear[i] and (v.variance_of_all > 0 or not dark_tells)]
     if not dark_tells:
-        return tuple(i for i in chosen if rounds_evenly(levels[i].flat) and levels[i].flat.clipped_low < _CUT)
+        return tuple(i for i in chosen if rounds_evenly(levels[i].flat) and levels[i].flat.clipped_low < 1e-4)
     if not chosen and saturation is not None:
         chosen = [i for i in range(saturation + 1) if levels[i].signal > 0]
     return tuple(chosen)
@@ -192,7 +172,7 @@ def rounds_evenly(moments: GroupMoments) -> bool:
 def last_fitted(levels: Sequence[FlatLevel], saturation: int | None) -> int:
     """Position of the last level of the standard's fits: up to 70 % of saturation."""
     top = len(levels) - 1 if saturation is None else saturation
-    limit = (_FIT_SHARE if saturation is not None else 1.0) * levels[top].signal
+    limit = (0.7 if saturation is not None else 1.0) * levels[top].signal
     return max((i for i, v in enumerate(levels[: top + 1]) if v.signal <= limit), default=top)
 
 
@@ -218,9 +198,7 @@ def emva_sensitivity(
 def emva_linearity(
     levels: Sequence[FlatLevel], saturation: int | None
 ) -> dict[str, tuple[float, float, float]] | None:
-    """Release 3: least and largest relative deviation from a line fitted to relative deviations, 5 to 95
-    %.
-    """
+    """Release 3: least and largest relative deviation from a line fitted to relative deviations, 5 to 95 %."""
     chosen = _linear_levels(levels, saturation)
     if len(chosen) < 3:
         return None
@@ -235,20 +213,14 @@ def emva_linearity(
 def linearity_curve(levels: Sequence[FlatLevel], saturation: int | None) -> dict[str, np.ndarray]:
     """Photons and relative deviation of the levels that `emva_linearity` rests on."""
     chosen = _linear_levels(levels, saturation)
-    rows = np.ones(chosen[0].flat.shape[0])
-    return {
-        "photons": np.array([v.photons for v in chosen], float),
-        "deviation": relative_deviations(chosen, rows),
-    }
+    deviation = relative_deviations(chosen, np.ones(chosen[0].flat.shape[0]))
+    return {"photons": np.array([v.photons for v in chosen], float), "deviation": deviation}
 
 
 def _linear_levels(levels: Sequence[FlatLevel], saturation: int | None) -> list[FlatLevel]:
     top = levels[-1 if saturation is None else saturation].signal
-    return [
-        v
-        for v in levels[: None if saturation is None else saturation + 1]
-        if v.photons is not None and _LINEAR_SHARE[0] * top <= v.signal <= _LINEAR_SHARE[1] * top
-    ]
+    upto = levels[: None if saturation is None else saturation + 1]
+    return [v for v in upto if v.photons is not None and 0.05 * top <= v.signal <= 0.95 * top]
 
 
 def relative_deviations(levels: Sequence[FlatLevel], rows: np.ndarray) -> np.ndarray:
@@ -266,8 +238,7 @@ def converter_clips(level: FlatLevel) -> bool:
 def full_well(found: PhotonTransferResult, nonuniformity: float) -> tuple[float, float] | None:
     """Full well in electrons and its standard error, from the brightest level that charge clips; else None.
 
-    The mean of a normal signal (shot noise and PRNU) clipped at F is known; F is where it meets the measured
-    one.
+    The mean of a normal signal (shot noise and PRNU) clipped at F is known; F is where it meets the measured one.
     """
     if found.response is None:
         return None

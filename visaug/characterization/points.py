@@ -1,19 +1,15 @@
 """Operating points: settings, filters and colours that a data sheet treats one by one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from visaug.camera import Camera
 from visaug.characterization.result import Characterization
 from visaug.characterization.run import characterize
 from visaug.characterization.views import colour_plane
 from visaug.frames import FrameRecord, FrameSet
-
-if TYPE_CHECKING:
-    from visaug.camera import Camera
 
 
 @dataclass(frozen=True)
@@ -25,13 +21,12 @@ class OperatingPoint:
 
     def to_json(self) -> dict[str, Any]:
         """Every figure, and the arrays of every plot of release 4."""
+        shown = {name: arrays for name, arrays in self.result.curves.items() if name.startswith("emva4_")}
         curves = {
             name: {
-                key: [v if math.isfinite(v) else None for v in values.tolist()]
-                for key, values in arrays.items()
+                k: [v if math.isfinite(v) else None for v in array.tolist()] for k, array in arrays.items()
             }
-            for name, arrays in self.result.curves.items()
-            if name.startswith("emva4_")
+            for name, arrays in shown.items()
         }
         return {"name": self.name, **self.result.to_json(), "curves": curves}
 
@@ -64,12 +59,13 @@ def _settings(frames: FrameSet) -> list[tuple[str, FrameSet]]:
     usable = [
         i for i, r in enumerate(frames.records) if r.kind in ("bias", "dark", "flat") and r.combined == 1
     ]
-    keys = list(dict.fromkeys(_key(frames.records[i]) for i in usable if frames.records[i].kind == "flat"))
-    keys = keys or list(dict.fromkeys((*_key(frames.records[i])[:2], None) for i in usable))
+    records = [frames.records[i] for i in usable]
+    keys = list(dict.fromkeys(_key(r) for r in records if r.kind == "flat"))
+    keys = keys or list(dict.fromkeys((r.gain_db, r.setting, None) for r in records))
     varied = [n for n in range(3) if len({key[n] for key in keys}) > 1]
     found = []
     for key in keys:
-        chosen = [i for i in usable if _belongs(frames.records[i], key)]
+        chosen = [i for i, r in zip(usable, records) if _belongs(r, key)]
         found.append((", ".join(_said(n, key[n]) for n in varied), frames.subset(chosen)))
     return found
 
@@ -85,11 +81,7 @@ def _belongs(record: FrameRecord, key: tuple[float, str | None, str | None]) -> 
 
 
 def _said(which: int, value: float | str | None) -> str:
-    return (
-        f"{value:g} dB"
-        if which == 0
-        else f"{value or 'no filter' if which == 2 else value or 'setting not known'}"
-    )
+    return f"{value:g} dB" if which == 0 else str(value or ("setting not known", "no filter")[which - 1])
 
 
 def _colours(frames: FrameSet) -> list[tuple[str, FrameSet]]:

@@ -1,6 +1,6 @@
-"""Standard deviation and shape of read noise by maximum likelihood on residuals of the master bias."""
-
-from __future__ import annotations
+"""Standard deviation and shape of read noise by maximum likelihood on residuals of the master bias; and whether every pixel has
+noise of its own, from the variances of single pixels.
+"""
 
 import math
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ import numpy as np
 from scipy import optimize
 
 from visaug.characterization import tukey
-from visaug.characterization.moments import GroupMoments, mean_map
+from visaug.characterization.moments import GroupMoments, mean_map, pixel_variances
 from visaug.characterization.rounded import BLOCKS
 from visaug.frames import FrameSet
 
@@ -34,13 +34,11 @@ def fit(
 ) -> ReadNoiseResult:
     """Fit residuals of two or more frames about their own mean map; nothing may clip.
 
-    The residual of n frames is (1 - 1/n) times one draw less 1/n times the n - 1 others, so its law is known
-    from
-    that of one draw through the characteristic function: no approximation for small n. Each draw is
-        Tukey-lambda
-    noise, rounding (uniform over a DN) and a Gaussian of `other_variance` (dark current's shot noise, DN^2).
-    Offsets of whole frames, rows or columns that change from frame to frame are taken out where there are
-    any. The residuals of one pixel are dependent, so errors come from blocks of rows (sandwich estimator).
+    The residual of n frames is (1 - 1/n) times one draw less 1/n times the n - 1 others, so its law is known from that of one
+    draw through the characteristic function: no approximation for small n. Each draw is Tukey-lambda noise, rounding (uniform
+    over a DN) and a Gaussian of `other_variance` (dark current's shot noise, DN^2). Offsets of whole frames, rows or columns
+    that change from frame to frame are taken out where there are any. The residuals of one pixel are dependent, so errors
+    come from blocks of rows (sandwich estimator).
     """
     n = len(indices)
     assert moments.temporal is not None
@@ -58,13 +56,10 @@ def fit(
         return -float(counts @ log_probabilities(p)) / counts.sum()
 
     spread = math.sqrt(max(moments.temporal.pixel - 1 / 12 - other_variance, 0.02))
-    best = optimize.minimize(
-        loss,
-        x0=[math.log(spread), 0.05],
-        method="Nelder-Mead",
-        options={"initial_simplex": [[math.log(spread), 0.05], [math.log(spread) + 0.05, 0.05],
-                                     [math.log(spread), -0.15]], "xatol": 2e-5, "fatol": 1e-10},
-    )  # fmt: skip
+    start = [math.log(spread), 0.05]
+    simplex = [start, [start[0] + 0.05, 0.05], [start[0], -0.15]]
+    options = {"initial_simplex": simplex, "xatol": 2e-5, "fatol": 1e-10}
+    best = optimize.minimize(loss, start, method="Nelder-Mead", options=options)
     p = best.x
     errors = _sandwich(p, histogram, log_probabilities)
     model = np.exp(log_probabilities(p)) * counts.sum()
@@ -85,15 +80,13 @@ def _histogram(
     assert t is not None
     centre = mean_map(frames, indices)
     sigma = math.sqrt(max(t.pixel, 0.05))
-    bins_per_sigma = 8
-    points = round(n * sigma / bins_per_sigma) // 2 * 2 + 1  # odd, so that none lies on the edge of a bin
+    points = (
+        round(n * sigma / 8) // 2 * 2 + 1
+    )  # odd, so that none lies on the edge of a bin, eight of a sigma
     width = points / n  # residuals of whole DN lie on multiples of 1/n
-    reach_sigma = 40.0
-    half = math.ceil(reach_sigma * sigma / width)
-    rows_flicker, columns_flicker = (
-        unsteady(t.row, t.pixel, t.row_df),
-        unsteady(t.column, t.pixel, t.column_df),
-    )
+    half = math.ceil(40.0 * sigma / width)
+    rows_flicker = unsteady(t.row, t.pixel, t.row_df)
+    columns_flicker = unsteady(t.column, t.pixel, t.column_df)
     frame_flickers = unsteady(t.frame, max(t.row, t.column, t.pixel), t.frame_df)
     blocks = np.array_split(np.arange(centre.shape[0]), min(BLOCKS, centre.shape[0]))
     counts = np.zeros((len(blocks), 2 * half + 1))
@@ -136,11 +129,8 @@ def _bin_probabilities(
     points[np.abs(np.sin(lattice)) < 1e-9] = 1.0
     spectrum = one((1 - 1 / n) * t) * one(t / n) ** (n - 1) * points
     density = np.fft.irfft(spectrum, size)
-    inner = np.concatenate([density[-half:], density[: half + 1]])
-    inner = np.maximum(inner, 1e-15)
-    rest = max(1 - inner.sum(), 0.0) / 2
-    inner[0] += rest
-    inner[-1] += rest
+    inner = np.maximum(np.concatenate([density[-half:], density[: half + 1]]), 1e-15)
+    inner[[0, -1]] += max(1 - inner.sum(), 0.0) / 2
     return inner / inner.sum()
 
 
@@ -158,3 +148,54 @@ def _sandwich(p: np.ndarray, histogram: np.ndarray, log_probabilities) -> tuple[
     inverse = np.linalg.inv(information)
     covariance = inverse @ spread @ inverse
     return math.sqrt(covariance[0, 0]), math.sqrt(covariance[1, 1])
+
+
+@dataclass(frozen=True)
+class PixelNoiseSpread:
+    """Spread of the pixels' own read noise: standard deviation of log sigma, and a map.
+
+    Attributes:
+        variance: of log sigma, and its standard error; it may be negative by chance.
+        deviation_dn: (H, W) standard deviation of every pixel, rounding taken off, DN.
+    """
+
+    variance: tuple[float, float]
+    deviation_dn: np.ndarray
+
+    @property
+    def spread(self) -> float:
+        return math.sqrt(max(self.variance[0], 0.0))
+
+    @property
+    def established(self) -> bool:
+        value, error = self.variance
+        return value > 3.0 * error  # 6 standard errors of its root
+
+
+def pixel_noise(frames: FrameSet, still: GroupMoments) -> PixelNoiseSpread | None:
+    """Of six or more frames without light, else None.
+
+    Pixels of one law have variances that scatter by chance, the more so the heavier its tails, but those of two halves of the
+    frames scatter independently. Their logarithms covary by what pixels differ in, 4 s^2 where s is the spread of log sigma.
+    """
+    if still.n < 6:  # halves of three frames each tell a variance apart from its chance
+        return None
+    halves = still.group.indices[0::2], still.group.indices[1::2]
+    offsets = dict(zip(still.group.indices, still.frame_means))
+    first, second = (pixel_variances(frames, half, offsets.__getitem__) for half in halves)
+    logs = [np.log(np.maximum(v, 1 / 12)) for v in (first, second)]
+    product = (logs[0] - logs[0].mean()) * (logs[1] - logs[1].mean())
+    variance = 0.25 * float(product.mean()), 0.25 * float(product.std() / math.sqrt(product.size))
+    mixed = (first * (len(halves[0]) - 1) + second * (len(halves[1]) - 1)) / (still.n - 2)
+    return PixelNoiseSpread(variance, np.sqrt(np.maximum(mixed - 1 / 12, 0.0)))
+
+
+def shrunk(noise: PixelNoiseSpread, rms_dn: float) -> np.ndarray:
+    """The map without the chance of few frames: the logarithms drawn to their mean until they spread as the pixels' own do,
+    scaled to the camera's read noise (rms), (H, W) DN.
+    """
+    logs = np.log(np.maximum(noise.deviation_dn, 0.1 * rms_dn))
+    total = float(logs.std())
+    kept = min(noise.spread / total, 1.0) if total > 0 else 0.0
+    deviations = np.exp(logs.mean() + kept * (logs - logs.mean()))
+    return deviations * rms_dn / math.sqrt(float((deviations**2).mean()))

@@ -1,10 +1,9 @@
 """Signal against photons: the responsivity, and what bends or lifts the line."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import stats
@@ -56,125 +55,107 @@ def response(levels: Sequence[FlatLevel], dark_tells: bool) -> Response | None:
     if columns is None:
         return None
     signals = np.array([v.flat.mean if not dark_tells else v.light for v in levels])
-    basis = np.stack([photons, *columns], axis=1)
+    fit = _Fit(levels, signals, np.stack([photons, *columns], axis=1))
     bend, bent = 0.0, False
-    if len(levels) >= basis.shape[1] + 3:
-        bend, bent = _bend(basis, photons, signals, levels)
-    if bent:
-        basis = np.concatenate([basis, (photons**2)[:, None]], axis=1)
-    all_influence = _influence(basis, photons)
-    influence = all_influence[0]
+    if len(levels) >= fit.basis.shape[1] + 3:
+        curved = _Fit(levels, signals, np.concatenate([fit.basis, (photons**2)[:, None]], axis=1))
+        bend, bent = _bend(curved)
+        fit = curved if bent else fit
+    influence = fit.influence[0]
     value = float(influence @ signals)
     if not value > 0:
         return None
-    rows = _left_out(
-        [v.flat.row_means - (v.dark.row_means if dark_tells else 0.0) for v in levels], influence
-    )
+    dark_share = 1.0 if dark_tells else 0.0
+    rows = _left_out([v.flat.row_means - dark_share * v.dark.row_means for v in levels], influence)
     columns_too = _left_out(
-        [v.flat.column_means - (v.dark.column_means if dark_tells else 0.0) for v in levels], influence
+        [v.flat.column_means - dark_share * v.dark.column_means for v in levels], influence
     )
-    lamp, spare = _lamp(basis, photons, signals, levels)
-    light = float((influence**2 * signals**2).sum()) * lamp
     gap = np.array([v.exposure_gap_s * (v.dark_rate_error or 0.0) for v in levels])
     rate = float(influence @ gap) ** 2 if dark_tells else 0.0
+    light, spare = fit.by_lamp(0)
     error, df = mean_error([(rows, 19), (columns_too, 19), (light, spare), (rate, 19)])
-    with_dark = _influence(photons[:, None], photons)[0] @ np.array([v.signal for v in levels])
+    with_dark = _influence(photons[:, None])[0] @ np.array([v.signal for v in levels])
     share = with_dark / value - 1 if dark != "none" and not bent else 0.0
-    rate_of_dark = _fitted(all_influence[1], signals, lamp) if dark == "fitted" else (0.0, 0.0)
-    return Response(
-        value,
-        error / value,
-        df,
-        bend / value if bent else 0.0,
-        bent,
-        dark,
-        float(share),
-        rate_of_dark,
-        _unexplained(basis, photons, signals, levels),
-    )
-
-
-def _fitted(influence: np.ndarray, signals: np.ndarray, lamp: float) -> tuple[float, float]:
-    """A coefficient and its standard error by what the lamp does."""
-    return float(influence @ signals), math.sqrt(float((influence**2 * signals**2).sum()) * lamp)
+    rate_of_dark = (0.0, 0.0)
+    if dark == "fitted":
+        rate_of_dark = float(fit.influence[1] @ signals), math.sqrt(fit.by_lamp(1)[0])
+    bend = bend / value if bent else 0.0
+    return Response(value, error / value, df, bend, bent, dark, float(share), rate_of_dark, fit.unexplained())
 
 
 def _beside_the_light(
     levels: Sequence[FlatLevel], photons: np.ndarray, dark_tells: bool
 ) -> tuple[list[np.ndarray] | None, str]:
     """Columns of the fit beside the photons: a pedestal, and the dark current of longer exposures."""
-    pedestal = [] if dark_tells else [np.ones(len(levels))]
-    gap = np.array([v.exposure_gap_s for v in levels])
     if not dark_tells:
-        return (pedestal if len(levels) > 2 else None), "none"
+        return ([np.ones(len(levels))] if len(levels) > 2 else None), "none"
+    gap = np.array([v.exposure_gap_s for v in levels])
     if not gap.any():
-        return pedestal, "none"
+        return [], "none"
     if all(v.dark_rate_error is not None or not g for v, g in zip(levels, gap)):
-        return pedestal, "known"
+        return [], "known"
     basis = np.stack([photons, gap], axis=1) / photons[:, None]
     condition = np.linalg.cond(basis / np.linalg.norm(basis, axis=0))
     collinear = 50.0  # condition number (of columns of norm 1) from which on light and dark current are one
-    if len(levels) >= 4 and condition < collinear:
-        return [gap], "fitted"
-    return pedestal, "unknown"
+    return ([gap], "fitted") if len(levels) >= 4 and condition < collinear else ([], "unknown")
 
 
-def _influence(basis: np.ndarray, photons: np.ndarray) -> np.ndarray:
-    """What each level's signal adds to each coefficient; shot noise weighs the levels."""
-    root = 1 / np.sqrt(photons)
+def _influence(basis: np.ndarray) -> np.ndarray:
+    """What each level's signal adds to each coefficient; shot noise weighs the levels by their photons, the first column."""
+    root = 1 / np.sqrt(basis[:, 0])
     return np.linalg.pinv(basis * root[:, None]) * root
 
 
-def _lamp(
-    basis: np.ndarray, photons: np.ndarray, signals: np.ndarray, levels: Sequence[FlatLevel]
-) -> tuple[float, float]:
-    """Relative variance of a level's light and its degrees of freedom: from frame to frame, and as levels
-    scatter about the fit.
-    """
-    flicker = _flicker(levels)
-    spread, spare = _spread(basis, photons, signals)
-    if spare < 1:
-        return flicker
-    error, df = mean_error([(flicker[0], max(flicker[1], 1)), (spread, spare)])
-    return error**2, df
+@dataclass(frozen=True)
+class _Fit:
+    """Signals of levels as a sum of the columns of a basis, the first of which are the photons."""
+
+    levels: Sequence[FlatLevel]
+    signals: np.ndarray
+    basis: np.ndarray
+
+    @cached_property
+    def influence(self) -> np.ndarray:
+        return _influence(self.basis)
+
+    def by_lamp(self, k: int) -> tuple[float, float]:
+        """Variance of coefficient `k` by what the lamp does, and its degrees of freedom: from frame to frame, and as levels
+        scatter about the fit.
+        """
+        relative, df = self._flicker
+        spread, spare = self._spread
+        if spare >= 1:
+            error, df = mean_error([(relative, max(df, 1)), (spread, spare)])
+            relative = error**2
+        return float((self.influence[k] ** 2 * self.signals**2).sum()) * relative, df
+
+    @cached_property
+    def _flicker(self) -> tuple[float, float]:
+        """Relative variance of a level's light from frame to frame, of its mean, and its degrees of freedom."""
+        relative = [v.flat.frame_variance / v.signal**2 / v.flat.n for v in self.levels]
+        return float(np.median(relative)), float(sum(v.flat.n - 1 for v in self.levels))
+
+    @cached_property
+    def _spread(self) -> tuple[float, int]:
+        """Relative variance of the bright levels about the fit, and its degrees of freedom."""
+        residual = (self.signals - self.basis @ (self.influence @ self.signals)) / self.signals
+        bright = np.abs(self.signals) > 0.2 * np.abs(self.signals).max()
+        spare = int(bright.sum()) - self.basis.shape[1]
+        return (float((residual[bright] ** 2).sum()) / spare if spare > 0 else 0.0), spare
+
+    def unexplained(self) -> float:
+        """Relative scatter of the levels about the fit, see `Response.scatter`."""
+        (flicker, df), (spread, spare) = self._flicker, self._spread
+        if spare < 1 or spread <= flicker * float(stats.f.isf(FALSE_ALARM, spare, max(df, 1))):
+            return 0.0
+        return math.sqrt(spread)
 
 
-def _flicker(levels: Sequence[FlatLevel]) -> tuple[float, float]:
-    """Relative variance of a level's light from frame to frame, of its mean, and its degrees of freedom."""
-    relative = [v.flat.frame_variance / v.signal**2 / v.flat.n for v in levels]
-    return float(np.median(relative)), float(sum(v.flat.n - 1 for v in levels))
-
-
-def _spread(basis: np.ndarray, photons: np.ndarray, signals: np.ndarray) -> tuple[float, int]:
-    """Relative variance of the bright levels about the fit, and its degrees of freedom."""
-    residual = (signals - basis @ (_influence(basis, photons) @ signals)) / signals
-    bright = np.abs(signals) > 0.2 * np.abs(signals).max()
-    spare = int(bright.sum()) - basis.shape[1]
-    return (float((residual[bright] ** 2).sum()) / spare if spare > 0 else 0.0), spare
-
-
-def _unexplained(
-    basis: np.ndarray, photons: np.ndarray, signals: np.ndarray, levels: Sequence[FlatLevel]
-) -> float:
-    """Relative scatter of the levels about the fit, see `Response.scatter`."""
-    flicker, df = _flicker(levels)
-    spread, spare = _spread(basis, photons, signals)
-    if spare < 1 or spread <= flicker * float(stats.f.isf(FALSE_ALARM, spare, max(df, 1))):
-        return 0.0
-    return math.sqrt(spread)
-
-
-def _bend(
-    basis: np.ndarray, photons: np.ndarray, signals: np.ndarray, levels: Sequence[FlatLevel]
-) -> tuple[float, bool]:
-    """Coefficient of the square of the photons, and whether it is there beyond doubt."""
-    whole = np.concatenate([basis, (photons**2)[:, None]], axis=1)
-    influence = _influence(whole, photons)[-1]
-    value = float(influence @ signals)
-    lamp, df = _lamp(whole, photons, signals, levels)
-    error = math.sqrt(float((influence**2 * signals**2).sum()) * lamp)
-    doubt = 0.002
-    return value, abs(value) > float(stats.t.ppf(1 - doubt / 2, df)) * error > 0
+def _bend(fit: _Fit) -> tuple[float, bool]:
+    """Coefficient of the last column, the square of the photons, and whether it is there beyond doubt (once in 500 by chance)."""
+    value = float(fit.influence[-1] @ fit.signals)
+    variance, df = fit.by_lamp(-1)
+    return value, abs(value) > float(stats.t.ppf(1 - 0.002 / 2, df)) * math.sqrt(variance) > 0
 
 
 def _left_out(profiles: list[np.ndarray], influence: np.ndarray) -> float:

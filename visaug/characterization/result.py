@@ -1,7 +1,5 @@
 """What a characterization found: parameters with intervals, what stays open, curves and maps."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -11,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import stats
 
-from visaug.characterization.camera_content import camera_content
+from visaug.camera import Camera
+from visaug.camera.patterns import fit_pattern
+from visaug.characterization.camera_content import CAMERA_KEYS, camera_content
 from visaug.characterization.nonuniformity import two_way
 from visaug.core.errors import InputError
 from visaug.core.files import whole_file
@@ -19,8 +19,6 @@ from visaug.statistics.findings import Estimate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from visaug.camera import Camera
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +65,7 @@ class Characterization:
     resolution: tuple[int, int] | None = None
     not_measured: tuple[str, ...] = ()
     effects: tuple[Mapping[str, Any], ...] = ()
-    planes: Mapping[str, Characterization] = field(default_factory=dict, repr=False)
+    planes: "Mapping[str, Characterization]" = field(default_factory=dict, repr=False)
     method: str = "emva"
     left_out: tuple[str, ...] = ()
 
@@ -108,11 +106,7 @@ class Characterization:
             **({"effects": [dict(e) for e in self.effects]} if self.effects else {}),
             "warnings": list(self.warnings),
             "warning_details": [w.to_json() for w in self.warning_details],
-            **(
-                {"planes": {name: plane.to_json() for name, plane in self.planes.items()}}
-                if self.planes
-                else {}
-            ),
+            **({"planes": {name: p.to_json() for name, p in self.planes.items()}} if self.planes else {}),
         }
 
     def to_camera_dict(self) -> dict[str, Any]:
@@ -130,8 +124,6 @@ class Characterization:
         Raises:
             InputError: the gain is neither measured nor given.
         """
-        from visaug.camera import Camera
-
         return Camera.load(self.to_camera_dict())
 
     def to_camera_yaml(self) -> str:
@@ -168,7 +160,6 @@ class Characterization:
         Raises:
             InputError: the gain is neither measured nor given, or the frames show a window of the sensor only.
         """
-        from visaug.camera import Camera
         from visaug.characterization.maps import camera_maps, with_maps
 
         if maps is None:
@@ -191,8 +182,6 @@ class Characterization:
         Raises:
             InputError: the frames gave no master bias.
         """
-        from visaug.camera.patterns import fit_pattern
-
         if "master_bias" not in self.maps:
             raise InputError(
                 "the frames gave no master bias", field="dsnu", expected="two or more bias frames"
@@ -202,41 +191,52 @@ class Characterization:
         deviation = float(stats.median_abs_deviation(pixels.ravel(), scale="normal"))
         return replace(fit_pattern(master), pixel_e=deviation).draw(master.shape, seed)
 
-    def plots(self) -> dict[str, Figure]:
+    def plots(self) -> "dict[str, Figure]":
         """Every figure for which there are curves of more than one point, by name."""
         from visaug.characterization import plots
 
-        return {
-            name: draw(self)
-            for name, (draw, _) in plots.FIGURES.items()
-            if name in self.curves and plots.tells(self.curves[name])
-        }
+        return plots.figures(self.curves)
 
-    def plot_photon_transfer(self) -> Figure:
+    def plot_photon_transfer(self) -> "Figure":
         return self._plot("photon_transfer")
 
-    def plot_linearity(self) -> Figure:
+    def plot_linearity(self) -> "Figure":
         return self._plot("linearity")
 
-    def plot_read_noise(self) -> Figure:
+    def plot_read_noise(self) -> "Figure":
         return self._plot("read_noise")
 
-    def plot_dark_current(self) -> Figure:
+    def plot_dark_current(self) -> "Figure":
         return self._plot("dark_current")
 
-    def plot_nonuniformity(self) -> Figure:
+    def plot_nonuniformity(self) -> "Figure":
         return self._plot("nonuniformity")
 
-    def plot_gain_law(self) -> Figure:
+    def plot_gain_law(self) -> "Figure":
         return self._plot("gain_law")
 
-    def plot_noise_level(self) -> Figure:
+    def plot_noise_level(self) -> "Figure":
         return self._plot("noise_level")
 
-    def _plot(self, name: str) -> Figure:
+    def _plot(self, name: str) -> "Figure":
         from visaug.characterization import plots
 
-        draw, needed = plots.FIGURES[name]
-        if name not in self.curves:
-            raise InputError("the frames give no such curve", field=name, expected=needed)
-        return draw(self)
+        return plots.figure(self.curves, name)
+
+
+def without_impossible(result: Characterization) -> Characterization:
+    """The result with what no camera file can hold left out of its camera and named in its warnings."""
+    while True:
+        try:
+            Camera.load(camera_content(result))
+            return result
+        except InputError as error:
+            known = {**result.assumed, **result.parameters}
+            key = error.field or ""
+            if key not in CAMERA_KEYS or key not in known or key in (*result.left_out, "gain_e_per_dn"):
+                return result
+            is_dark = key.startswith("dark_current.")
+            keys = tuple(k for k in known if k == key or (is_dark and k.startswith("dark_current.")))
+            text = f"out_of_range: {' and '.join(keys)} cannot stand in a camera file and is left out of it: {error}"
+            details = (*result.warning_details, Warned("out_of_range", text, keys))
+            result = replace(result, warning_details=details, left_out=(*result.left_out, *keys))

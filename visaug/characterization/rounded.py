@@ -1,11 +1,8 @@
 """Likelihood of values that are rounded to whole DN and cut at 0.
 
-Every pixel's value is its location plus noise. The likelihood of a pixel's values is known for any location;
-integrated over a normal law of locations it gives read noise and pattern together. Only what the cut and the rounding
-hide is lost.
+Every pixel's value is its location plus noise. The likelihood of a pixel's values is known for any location; integrated over a
+normal law of locations it gives read noise and pattern together. Only what the cut and the rounding hide is lost.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable
@@ -27,9 +24,7 @@ _RIDGE = 1e-6  # of the information: keeps what is not told at no information
 
 @dataclass(frozen=True)
 class CodeHistograms:
-    """Counts (P, bins) of chosen pixels, edges between bins (DN above `origin`; bin 0 may be the cut), places of
-    the pixels.
-    """
+    """Counts (P, bins) of chosen pixels, edges between bins (DN above `origin`; bin 0 may be the cut), places of the pixels."""
 
     counts: np.ndarray
     edges: np.ndarray
@@ -75,13 +70,11 @@ def take_sample(
 ) -> CodeHistograms:
     """Counts of pixels drawn by chance; more of a coarse converter's, whose pixels are alike in many."""
     height, width = still.shape
-    pixels, pixels_of_coarse = 3000, 20000
-    chosen = np.random.default_rng(seed).permutation(height * width)[: pixels_of_coarse if coarse else pixels]
+    chosen = np.random.default_rng(seed).permutation(height * width)[: 20000 if coarse else 3000]
     rows, columns = np.divmod(np.sort(chosen), width)
     values = np.stack([frames.read(i)[rows, columns] for i in indices])
     sigma = MAD * np.median(np.abs(values - values.mean(0)))
-    bins_per_sigma = 6
-    step = max(1, round(max(sigma, 1.0) / bins_per_sigma))
+    step = max(1, round(max(sigma, 1.0) / 6))  # bins per sigma
     origin = max(int(values.min()) - 1, 0)
     values = values - origin
     edges = _edges(float(np.median(values)) + 5 * max(sigma, 1.0), float(values.max()), step)
@@ -111,36 +104,21 @@ def fit_locations(
     if start is None:
         mids = np.concatenate([[0.0], 0.5 * (sample.edges[:-1] + sample.edges[1:]), sample.edges[-1:]])
         mean = sample.counts @ mids / sample.frames
-        level, noise = (
-            float(np.median(mean)),
-            float(np.sqrt(np.median((sample.counts @ mids**2) / sample.frames - mean**2))),
-        )
-        first = np.array(
-            [
-                math.log(max(noise, 0.3) * 1.1),
-                0.0 if 1 in free else math.nan,
-                level - 0.3 * noise if 1 in free else level,
-                math.log(max(mean.std(), 0.3)),
-            ]
-        )
+        level = float(np.median(mean))
+        noise = float(np.sqrt(np.median((sample.counts @ mids**2) / sample.frames - mean**2)))
+        shape, shift = (0.0, level - 0.3 * noise) if 1 in free else (math.nan, level)
+        first = [math.log(max(noise, 0.3) * 1.1), shape, shift, math.log(max(mean.std(), 0.3))]
     else:
-        first = np.array(
-            [start.log_sigma, start.shape, 0.0, start.log_spread]
-            if centre.any()
-            else [start.log_sigma, start.shape, start.shift, start.log_spread]
-        )
+        first = [start.log_sigma, start.shape, 0.0 if centre.any() else start.shift, start.log_spread]
 
-    p = first
+    p = np.array(first)
     value = _log_likelihood(p, sample, centre).sum()
-    iterations = 12
-    least_log_spread = -4.0  # under log sigma: a spread of 2 % of the noise is none
-    gain = 0.02  # log-likelihood that a further step would gain: a seventh of a standard error
-    for _ in range(iterations):  # Fisher scoring: the information is the scores' outer product
+    for _ in range(12):  # Fisher scoring: the information is the scores' outer product
         scores = _scores(p, sample, centre)[list(free)]
         gradient = scores.sum(1)
         step = np.zeros(4)
         step[list(free)] = np.linalg.solve(scores @ scores.T + _RIDGE * np.eye(len(free)), gradient)
-        if gradient @ step[list(free)] < gain:
+        if gradient @ step[list(free)] < 0.02:  # gain of log-likelihood: a seventh of a standard error
             break
         step *= min(
             1.0, *(most / max(abs(s), 1e-12) for s, most in zip(step, (0.3, 0.1, math.exp(p[0]), 0.5)))
@@ -148,7 +126,7 @@ def fit_locations(
         for _ in range(6):
             trial = p + step
             trial[1] = np.clip(trial[1], *tukey.SHAPE_BOUNDS)
-            trial[3] = max(trial[3], p[0] + least_log_spread)
+            trial[3] = max(trial[3], p[0] - 4.0)  # a spread of 2 % of the noise is none
             new = _log_likelihood(trial, sample, centre).sum()
             if new > value:
                 p, value = trial, new
@@ -160,9 +138,8 @@ def fit_locations(
     scores = _scores(p, sample, centre)[list(free)]
     covariance[np.ix_(free, free)] = _sandwich(scores, sample)
     independent = np.linalg.inv(scores @ scores.T + _RIDGE * np.eye(len(free)))[0, 0]
-    return RoundedFit(
-        *map(float, p), covariance=covariance, dependence=max(float(covariance[0, 0] / independent), 1.0)
-    )
+    dependence = max(float(covariance[0, 0] / independent), 1.0)
+    return RoundedFit(*map(float, p), covariance=covariance, dependence=dependence)
 
 
 class SigmaLikelihood:
@@ -179,8 +156,7 @@ class SigmaLikelihood:
         mids = np.concatenate([[0.0], 0.5 * (sample.edges[:-1] + sample.edges[1:]), sample.edges[-1:] + 0.5])
         mean = sample.counts @ mids / sample.frames
         self._start = np.array([float(mean.mean()), math.log(max(float(mean.std()), 0.05))])
-        faintest, strongest = 0.02, 1.2  # DN, of the profile's grid
-        self._grid = np.log(np.geomspace(faintest, strongest, 25))
+        self._grid = np.log(np.geomspace(0.02, 1.2, 25))  # DN
         self._found = [self._at(log_sigma) for log_sigma in self._grid]
         self._losses = np.array([loss for loss, _ in self._found])
 
@@ -199,16 +175,13 @@ class SigmaLikelihood:
     def start(self) -> RoundedFit:
         """The best of the grid, to start a fit from."""
         best = int(self._losses.argmin())
-        shift, log_spread = self._found[best][1]
-        return RoundedFit(
-            float(self._grid[best]), math.nan, float(shift), float(log_spread), np.zeros((4, 4))
-        )
+        shift, log_spread = map(float, self._found[best][1])
+        return RoundedFit(float(self._grid[best]), math.nan, shift, log_spread, np.zeros((4, 4)))
 
     def bounds(self, fit: RoundedFit) -> tuple[float, float]:
         """95 % interval of the standard deviation, DN, by the likelihood ratio; from 0 where nothing bounds it.
 
-        What pixels of a row or column have in common stretches the ratio (R. E. Chandler and S. Bate, Biometrika
-        94 (2007) 167).
+        What pixels of a row or column have in common stretches the ratio (R. E. Chandler and S. Bate, Biometrika 94 (2007) 167).
         """
         least = min(self._at(fit.log_sigma)[0], float(self._losses.min()))
         limit = least + 0.5 * t_quantile(BLOCKS - 1) ** 2 * fit.dependence
@@ -276,11 +249,8 @@ def _sandwich(scores: np.ndarray, sample: CodeHistograms) -> np.ndarray:
     by_row = _clustered(scores, np.minimum(sample.rows * BLOCKS // (sample.rows.max() + 1), BLOCKS - 1))
     by_both = by_row + _clustered(scores, sample.columns) - information
     rows_alone, both = (inverse @ spread @ inverse for spread in (by_row, by_both))
-    return (
-        both
-        if (np.diag(both) > np.diag(rows_alone)).all()
-        else np.maximum(both, rows_alone) * np.eye(len(both))
-    )
+    larger = (np.diag(both) > np.diag(rows_alone)).all()
+    return both if larger else np.maximum(both, rows_alone) * np.eye(len(both))
 
 
 def _clustered(scores: np.ndarray, cluster: np.ndarray) -> np.ndarray:

@@ -1,7 +1,5 @@
 """The steps of a characterization, in the order in which each needs the ones before."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -18,10 +16,8 @@ from visaug.characterization.facts import PLACES
 from visaug.characterization.groups import Measured, measure_groups
 from visaug.characterization.maps import add_maps
 from visaug.characterization.mosaic import PLAIN, Mosaic, find_mosaic
-from visaug.characterization.nonuniformity import Parts
-from visaug.characterization.photon_transfer import PhotonTransferResult
-from visaug.characterization.possible import without_impossible
-from visaug.characterization.result import Characterization, Warned
+from visaug.characterization.nonuniformity import PARTS
+from visaug.characterization.result import Characterization, Warned, without_impossible
 from visaug.characterization.views import colour_plane
 from visaug.core.errors import InputError
 from visaug.core.wording import first_of
@@ -81,17 +77,17 @@ def characterize(
         return replace(result, assumed={"bit_depth": bits}, resolution=size, effects=tuple(found.effects))
     found.warn_of(w for w in frames.check() if not w.startswith("few_frames"))  # of groups as measured: below
     told_bits = frames.told_bits or (camera.bit_depth if camera is not None else None)
-    ready, facts = prepared(frames, found, told_bits)
-    ready, facts = model_checks.screened(ready, facts, found)
-    measured = measure_groups(ready, facts, found.step_dn)
-    _few_frames(found, measured)
+    ready, mosaic, measured = _read(frames, found, told_bits)
+    alone = sorted(measured.frames.records[m.group.indices[0]].sequence for m in measured.moments if m.n == 1)
+    if alone:
+        found.warn(
+            f"few_frames: frames {first_of(alone, 8)} are single at their settings; temporal noise requires two or more"
+        )
     if method == "paper":
         from visaug.characterization.paper import procedure
 
         procedure(found, measured, camera)
         return _result(found, camera, measured, method)
-    mosaic = find_mosaic(ready, facts)
-    measured = model_checks.tested(measured, found)
     _measure(found, measured, camera, seed, mosaic)
     result = _result(found, camera, measured, method)
     if mosaic is None:
@@ -103,12 +99,13 @@ def characterize(
     return replace(result, planes=planes)
 
 
-def _few_frames(found: Findings, measured: Measured) -> None:
-    alone = sorted(measured.frames.records[m.group.indices[0]].sequence for m in measured.moments if m.n == 1)
-    if alone:
-        found.warn(
-            f"few_frames: frames {first_of(alone, 8)} are single at their settings; temporal noise requires two or more"
-        )
+def _read(
+    frames: FrameSet, found: Findings, told_bits: int | None
+) -> tuple[FrameSet, Mosaic | None, Measured]:
+    """The frames that can be measured together, their mosaic, and their groups."""
+    ready, facts = prepared(frames, found, told_bits)
+    ready, facts = model_checks.screened(ready, facts, found)
+    return ready, find_mosaic(ready, facts), measure_groups(ready, facts, found.step_dn)
 
 
 def checked(frames: FrameSet) -> Findings:
@@ -118,32 +115,28 @@ def checked(frames: FrameSet) -> Findings:
         InputError: frames that cannot be read.
     """
     found = Findings()
-    ready, facts = prepared(frames, found, frames.told_bits)
-    ready, facts = model_checks.screened(ready, facts, found)
-    mosaic = find_mosaic(ready, facts)
+    ready, mosaic, measured = _read(frames, found, frames.told_bits)
     if mosaic is not None and np.ptp(mosaic.response) > PLAIN and any(r.bayer for r in frames.records):
         found.set_apart(
             (r.sequence for r in frames.records if r.kind in ("flat", "scene")),
             "mosaic: flats and scenes are left out, since the set states colour filters and a camera model has one quantum "
             "efficiency for all pixels; `visaug characterize` measures each colour (`planes`)",
         )
-    measured = measure_groups(ready, facts, found.step_dn)
     found.lights = {
         ready.records[i].sequence: number
         for number, m in enumerate(measured.moments)
         if m.group.kind == "flat"
         for i in m.group.indices
     }
-    measured = model_checks.tested(measured, found)
     _measure(found, measured, None, 0, mosaic)
     return found
 
 
-def _from_light(found: Findings, measured: Measured) -> tuple[Measured, PhotonTransferResult | None, bool]:
-    """Photon transfer, the groups with their dark signal, and whether dark frames tell mean and variance."""
-    dark_tells = still.dark_frames_tell(measured)
-    if dark_tells and additivity.pedestal(measured, found):
-        dark_tells = False
+def _measure(
+    found: Findings, measured: Measured, camera: Camera | None, seed: int, mosaic: Mosaic | None
+) -> None:
+    measured = model_checks.tested(measured, found)
+    dark_tells = still.dark_frames_tell(measured) and not additivity.pedestal(measured, found)
     if still.flicker(measured):
         found.warn(
             "dark_frames_noisier: dark frames have more noise than brighter flats (image lag, "
@@ -154,22 +147,6 @@ def _from_light(found: Findings, measured: Measured) -> tuple[Measured, PhotonTr
     transfer = light.gain_and_efficiency(found, measured, dark_tells)
     if transfer is not None and not found.filtered:
         evenness.check(measured, transfer, found)
-    return measured, transfer, dark_tells
-
-
-def _pattern(
-    found: Findings, measured: Measured, transfer: PhotonTransferResult, mosaic: Mosaic | None
-) -> Parts | None:
-    pattern = light.response_pattern(found, measured, transfer, mosaic)
-    if mosaic is not None and mosaic.contradicted is not None:
-        found.warn(mosaic.contradicted)
-    return pattern
-
-
-def _measure(
-    found: Findings, measured: Measured, camera: Camera | None, seed: int, mosaic: Mosaic | None
-) -> None:
-    measured, transfer, dark_tells = _from_light(found, measured)
     if transfer is None and camera is not None:
         given = camera.gain_at(measured.gain_db)
         found.gain = MeasuredGain(1 / given, 0.0, measured=False)
@@ -178,12 +155,14 @@ def _measure(
         )
     _without_light(found, measured, seed)
     if transfer is None:
-        for name in ("row", "column", "pixel"):
+        for name in PARTS:
             found.miss(f"prnu.{name}", light.NEEDS_FLATS)
         found.miss("full_well_e", "calibrated flats beyond saturation")
     else:
-        pattern = _pattern(found, measured, transfer, mosaic)
+        pattern = light.response_pattern(found, measured, transfer, mosaic)
         if mosaic is not None:
+            if mosaic.contradicted is not None:
+                found.warn(mosaic.contradicted)
             light.colour_efficiency(found, mosaic)
             found.warn(
                 f"mosaic: neighbouring pixels respond by {', '.join(f'{r:.3g}' for r in mosaic.response)} of "
@@ -203,10 +182,10 @@ def _measure(
 def _without_light(found: Findings, measured: Measured, seed: int) -> None:
     frames = measured.still
     if frames is None:
-        for name in ("black_level_dn", "read_noise.sigma_e", "read_noise.shape", "dsnu.row_e",
-        "dsnu.column_e",
-                     "dsnu.pixel_e"):  # fmt: skip
+        for name in ("black_level_dn", "read_noise.sigma_e", "read_noise.shape"):
             found.miss(name, still.NEEDS_STILL)
+        for part in PARTS:
+            found.miss(f"dsnu.{part}_e", still.NEEDS_STILL)
         dark.dark_law(found, measured)
         return
     coarse_steps = found.step_dn > 1 and not still.tells(frames)
@@ -249,16 +228,12 @@ def _result(
         base = camera.to_dict()
         values = camera.values()
         for key in CAMERA_KEYS:
-            if (
-                key not in found.parameters
-                and key not in settings
-                and math.isfinite(values.get(key, math.inf))
-            ):
-                settings[key] = values[key]
+            if key not in found.parameters and math.isfinite(values.get(key, math.inf)):
+                settings.setdefault(key, values[key])
         if measured is not None and not measured.levels:
             settings["gain_e_per_dn"] = camera.gain_at(measured.gain_db)
         settings["bit_depth"] = camera.bit_depth
-        for key in [k for k in found.open if k in settings]:
+        for key in found.open.keys() & settings.keys():
             found.open[key] += "; taken from the camera given"
     return without_impossible(Characterization(
         parameters=dict(sorted(found.parameters.items(), key=_order)),
@@ -281,10 +256,8 @@ def _dark_rate(found: Findings, settings: dict[str, float]) -> None:
     if found.dark_rate is None or "dark_current.a_e_per_s" in found.parameters:
         return
     rate, temperature_c = found.dark_rate
-    no_temperature_c = 20.0
-    at = no_temperature_c if temperature_c is None else temperature_c
-    # of dark current in silicon near room temperature: 0.64 eV (half the band gap, diffusion aside)
-    doubling_c = 8.0
+    at = 20.0 if temperature_c is None else temperature_c
+    doubling_c = 8.0  # of silicon near room temperature: 0.64 eV (half the band gap, diffusion aside)
     b = math.log(2) / doubling_c
     settings["dark_current.a_e_per_s"], settings["dark_current.b_per_c"] = rate * math.exp(-b * at), b
     settings.setdefault("temperature_c", at)
@@ -299,8 +272,7 @@ def _nonlinearity(found: Findings, settings: dict[str, float]) -> None:
         return
     top_dn = 2 ** settings["bit_depth"] - 1 - (black.value if black else 0.0)
     quadratic = found.bend_per_e * top_dn / found.gain.dn_per_e
-    most_bend = 0.15  # of the effect `nonlinearity`
-    if abs(quadratic) <= most_bend:
+    if abs(quadratic) <= 0.15:  # the most that the effect `nonlinearity` takes
         found.effects.append({"name": "nonlinearity", "quadratic": quadratic, "full_scale": "converter"})
 
 
@@ -312,6 +284,5 @@ def _order(item) -> tuple[bool, int, str]:
 def _resolution(measured: Measured, camera: Camera | None) -> tuple[int, int]:
     if camera is not None:
         return camera.resolution
-    rows = [m.group.window[1] if m.group.window else m.shape[0] for m in measured.moments]
-    columns = [m.group.window[3] if m.group.window else m.shape[1] for m in measured.moments]
-    return max(rows), max(columns)
+    windows = [m.group.window or (0, m.shape[0], 0, m.shape[1]) for m in measured.moments]
+    return max(w[1] for w in windows), max(w[3] for w in windows)

@@ -1,18 +1,28 @@
-"""From frames without light: black level, read noise, temporal noise of frames, rows and columns, DSNU."""
-
-from __future__ import annotations
+"""From frames without light: black level, read noise, temporal noise of frames, rows and columns, DSNU and its spectra."""
 
 import math
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from scipy.optimize import root_scalar
+from scipy.special import gammaln, log_ndtr
 
-from visaug.characterization import read_noise, structure, tukey
+from visaug.characterization import read_noise, tukey
 from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.moments import GroupMoments, mean_map
-from visaug.characterization.nonuniformity import Parts, parts
+from visaug.characterization.nonuniformity import PARTS, Parts, parts
 from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly, saturated_level
-from visaug.characterization.pixel_noise import PixelNoiseSpread, pixel_noise, shrunk
-from visaug.core.intervals import jackknife, mean_error, root, symmetric, variance_combination, widen
+from visaug.characterization.read_noise import PixelNoiseSpread, pixel_noise, shrunk
+from visaug.core.intervals import (
+    Interval,
+    jackknife,
+    mean_error,
+    root,
+    symmetric,
+    variance_combination,
+    widen,
+)
 from visaug.statistics.findings import Findings
 
 CLIPPED = 0.002  # share of pixels at 0 above which moments of bias frames are cut
@@ -40,9 +50,9 @@ def noisier(level: FlatLevel) -> bool:
     """Whether dark frames scatter more than a flat of more signal: something but noise is in them."""
     df = level.dark.n - 1 if level.dark.n > 1 else 1
     excess = level.dark.variance / max(level.flat.variance, 1e-12) - 1
-    unclipped = level.flat.clipped_high == 0 and level.signal > 0
     return (
-        unclipped
+        level.flat.clipped_high == 0
+        and level.signal > 0
         and level.flat.variance > EVEN_DN**2
         and excess > 0.1 + 6 / math.sqrt(df * level.dark.shape[0] * level.dark.shape[1])
     )
@@ -78,20 +88,13 @@ def noise_of_reading(
     if own is not None:
         interval = _own_noise(found, still, own, interval, dark_variance_dn2)
     add_in_electrons(found, "read_noise.sigma", interval, source)
-    found.curves["read_noise"] = {
-        "residual_dn": fitted.centres_dn,
-        "counts": fitted.counts,
-        "model": fitted.model,
-    }
+    curve = {"residual_dn": fitted.centres_dn, "counts": fitted.counts, "model": fitted.model}
+    found.curves["read_noise"] = curve
 
 
 def _own_noise(
-    found: Findings,
-    still: GroupMoments,
-    own: PixelNoiseSpread,
-    interval: tuple[float, float, float],
-    dark_variance_dn2: float,
-) -> tuple[float, float, float]:
+    found: Findings, still: GroupMoments, own: PixelNoiseSpread, interval: Interval, dark_variance_dn2: float
+) -> Interval:
     """Read noise by pixel; returns the interval of its root mean square in DN."""
     source = f"covariance of the pixels' variances between halves of {still.n} {still.group.kind} frames"
     square, error = own.variance  # the upper limit of a negative one is that of 0
@@ -112,8 +115,7 @@ def _own_noise(
             return {"v": float((still.row_variances * rows).sum() / rows.sum()) - still.frame_variance}
 
         value, error, df = jackknife(variance, still.shape[0])["v"]
-        bounds = (max(v - 1 / 12 - dark_variance_dn2, 0.0) for v in symmetric(value, error, df))
-        interval = root(tuple(bounds))  # type: ignore[arg-type]
+        interval = root([max(v - 1 / 12 - dark_variance_dn2, 0.0) for v in symmetric(value, error, df)])
         rms = interval[0]
     if rms > 0:
         scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
@@ -135,23 +137,19 @@ def temporal_parts(found: Findings, still: GroupMoments) -> None:
         if read_noise.unsteady(ms, t.pixel, df) and not found.filtered:
             found.warn(
                 f"{name}_noise: the offset of whole {name}s changes from frame to frame; read noise excludes it",
-                spoils=(
-                    f"emva4.dsnu_{name}*",
-                    f"emva4.prnu_{name}*",
-                    "emva4.dsnu_pixel*",
-                    "emva4.prnu_pixel*",
-                ),
+                spoils=[f"emva4.{kind}_{part}*" for part in (name, "pixel") for kind in ("dsnu", "prnu")],
             )
             if f"temporal.{name}_e" in found.parameters:
                 sigma_e = found.parameters[f"temporal.{name}_e"].value
                 found.effects.append({"name": f"{name}_noise", "sigma_e": sigma_e})
-    frame = [
-        (1 / (height * width), t.frame, t.frame_df),
-        (-1 / (height * width), t.row, t.row_df),
-        (-1 / (height * width), t.column, t.column_df),
-        (1 / (height * width), t.pixel, t.pixel_df),
-    ]
-    interval = root(variance_combination(frame))
+    size = height * width
+    frame = (
+        (1, t.frame, t.frame_df),
+        (-1, t.row, t.row_df),
+        (-1, t.column, t.column_df),
+        (1, t.pixel, t.pixel_df),
+    )
+    interval = root(variance_combination([(sign / size, ms, df) for sign, ms, df in frame]))
     found.add("temporal.frame_dn", interval, "DN", source)
     if interval[1] > 0.02 * math.sqrt(t.pixel) and read_noise.unsteady(
         t.frame, max(t.row, t.column), t.frame_df
@@ -172,7 +170,7 @@ def dark_pattern(found: Findings, measured: Measured, still: GroupMoments) -> Pa
     add_profiles(found, master)
     split = parts(master, [(1 / still.n, still)])
     source = f"analysis of variance of the mean of {still.n} {still.group.kind} frames"
-    for name in ("row", "column", "pixel"):
+    for name in PARTS:
         add_in_electrons(found, f"dsnu.{name}", root(getattr(split, name)), source)
     if split.defects:
         found.warn(f"defects: {split.defects} outlier pixels of the master bias are excluded from DSNU")
@@ -190,7 +188,7 @@ def add_profiles(found: Findings, master: np.ndarray) -> None:
     """Row and column profiles, their spectra, with a word on what no white pattern has."""
     curves: dict[str, np.ndarray] = {}
     for name, axis in (("row", 1), ("column", 0)):
-        profile = structure.describe(master.mean(axis))
+        profile = describe(master.mean(axis))
         curves[f"{name}_profile_dn"] = profile.values
         curves[f"{name}_frequency"], curves[f"{name}_power"] = profile.frequency, profile.power
         if profile.peaks.size:
@@ -211,3 +209,53 @@ def add_in_electrons(found: Findings, name: str, interval_dn: tuple[float, ...],
     if not found.gain.measured:
         source += ", gain as given"
     found.add(f"{name}_e", widen(scaled, found.gain.relative_error), "e-", source)
+
+
+@dataclass(frozen=True)
+class LineProfile:
+    """One profile: values and their power spectrum; levels and slow course are part of the law in `visaug.camera.patterns`."""
+
+    values: np.ndarray
+    frequency: np.ndarray
+    power: np.ndarray
+
+    @property
+    def peaks(self) -> np.ndarray:
+        """Frequencies (cycles per line) whose power no white normal pattern would show (1 % in all)."""
+        power, even = self.power[1:].copy(), len(self.values) % 2 == 0
+        m = len(power) - even
+        fewest_frequencies = 8
+        if m < fewest_frequencies:
+            return np.empty(0)
+        rank = (m + 1) // 2
+        median = np.partition(power[:m], rank - 1)[rank - 1]
+        if not median > 0:  # lines without noise
+            return np.empty(0)
+        if even:
+            # Half the sampling frequency has one degree of freedom, the others two: the same probability.
+            white = median / np.log(2)
+            power[-1] = -white * (np.log(2) + log_ndtr(-np.sqrt(power[-1] / white)))
+        return self.frequency[1:][power > _least_peak(m, rank) * median]
+
+
+@lru_cache(maxsize=64)
+def _least_peak(m: int, rank: int) -> float:
+    """Ratio to their `rank`th smallest that one of m exponential values exceeds in 1 % of all draws, or less.
+
+    Above an order statistic M the values are independent M + Exp(1): the m - rank of them exceed c M in at most
+    (m - rank) E[exp(-(c - 1) M)], and E[exp(-s M)] is a ratio of gamma functions (A. Renyi's representation).
+    """
+    false_peaks = 0.01
+
+    def excess(s: float) -> float:
+        logs = gammaln(m + 1) + gammaln(m - rank + 1 + s) - gammaln(m - rank + 1) - gammaln(m + 1 + s)
+        return logs + np.log((m - rank + 1) / false_peaks)
+
+    return 1 + root_scalar(excess, bracket=(0.0, 1e4)).root
+
+
+def describe(values: np.ndarray) -> LineProfile:
+    """The profile of rows or columns, (n,) in any unit, about its mean."""
+    values = np.asarray(values, np.float64) - np.mean(values)
+    power = np.abs(np.fft.rfft(values)) ** 2 / len(values)
+    return LineProfile(values, np.fft.rfftfreq(len(values)), power)

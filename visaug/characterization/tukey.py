@@ -1,7 +1,5 @@
 """Tukey's lambda distribution on a grid: density and characteristic function at standard deviation 1."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -10,6 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.special import ndtr
 
+from visaug.core.intervals import Interval
 from visaug.core.sampling.tukey_lambda import GAUSSIAN_SHAPE, quantile, standard_deviation
 from visaug.effects.readout.read_noise import LEAST_SHAPE
 
@@ -20,9 +19,7 @@ _REACH = 128.0
 
 @dataclass(frozen=True)
 class Standard:
-    """The distribution at standard deviation 1: `x` grid, distribution function there, characteristic
-    function.
-    """
+    """The distribution at standard deviation 1: `x` grid, distribution function there, characteristic function."""
 
     x: np.ndarray
     distribution: np.ndarray
@@ -46,7 +43,7 @@ def _normal() -> Standard:
     return Standard(x, ndtr(x), CubicSpline(nodes, np.exp(-0.5 * nodes**2)))
 
 
-def hold_both_gaussians(interval: tuple[float, float, float]) -> tuple[float, float, float]:
+def hold_both_gaussians(interval: Interval) -> Interval:
     """Interval of a shape that holds every shape that stands for a normal law, if it holds one of them.
 
     No Tukey-lambda law is normal; which is nearest depends on the criterion: 0.1345 by likelihood, 0.14 by the
@@ -73,8 +70,7 @@ def standard(shape: float) -> Standard:
     log_tail = np.interp(-np.abs(x), q[keep & (q <= 0)], np.log(tail[keep & (q <= 0)]), left=-700.0)
     lower = np.exp(log_tail)
     distribution = np.where(x <= 0, lower, 1 - lower)
-    # So is the density there. A straight line in place of it is half a percent too high, which hundreds of
-    # frames tell.
+    # So is the density there. A straight line in place of it is half a percent too high, which hundreds of frames tell.
     log_density = np.log(
         np.maximum(1 / (u ** (shape - 1) + v ** (shape - 1)), 1e-300) * standard_deviation(shape)
     )

@@ -1,7 +1,5 @@
 """The frames that a camera model can explain: without what the checks of the measurement model found beyond it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -31,13 +29,11 @@ def usable(frames: FrameSet, resolution: Sequence[int]) -> FrameSet:
     made = _explained(frames, resolution)
     whole = next((i for i, record in enumerate(made.records) if record.window is None), None)
     if whole is not None and made.shape(whole) != tuple(resolution):
-        raise InputError(
-            "is {} x {}".format(*made.shape(whole)),
-            file=made.records[whole].file,
-            expected="{} x {} as the camera's resolution, or a region that states the window".format(
-                *resolution
-            ),
+        expected = "{} x {} as the camera's resolution, or a region that states the window".format(
+            *resolution
         )
+        size = "is {} x {}".format(*made.shape(whole))
+        raise InputError(size, file=made.records[whole].file, expected=expected)
     return made
 
 

@@ -1,7 +1,5 @@
 """Frame sets that show the pixels of another one changed: shifted words, one colour of a mosaic."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,20 +10,24 @@ from visaug.frames import FrameRecord, FrameSet
 
 
 class _View:
-    """A store of frames that changes each frame as it is read."""
+    """A store of frames, and their clean targets, that changes each as it is read; `repair` sees the frames alone, and where
+    they stand.
+    """
 
     def __init__(
-        self, frames: FrameSet, change: Callable[[np.ndarray], np.ndarray], bit_depth: int | None
+        self,
+        frames: FrameSet,
+        bit_depth: int | None,
+        change: Callable[[np.ndarray], np.ndarray] = lambda frame: frame,
+        repair: Callable[[np.ndarray, int], np.ndarray] = lambda frame, _: frame,
     ) -> None:
-        self._frames, self._change, self.bit_depth = frames, change, bit_depth
-        self.told_bits = frames.told_bits
-        self.warnings = frames.warnings
+        self._frames, self.bit_depth, self._change, self._repair = frames, bit_depth, change, repair
+        self.told_bits, self.warnings = frames.told_bits, frames.warnings
 
     def read(self, i: int) -> np.ndarray:
-        return self._change(self._frames.read(i))
+        return self._repair(self._change(self._frames.read(i)), i)
 
-    def numbers(self, i: int) -> np.ndarray:
-        return self.read(i)
+    numbers = read
 
     def clean(self, i: int) -> np.ndarray:
         return self._change(self._frames.clean(i))
@@ -36,27 +38,13 @@ class _View:
     def shape(self, i: int) -> tuple[int, int]:
         return self._change(np.zeros(self._frames.shape(i), np.float32)).shape[:2]
 
-    def with_bits(self, bit_depth: int) -> _View:
-        return _View(self._frames, self._change, bit_depth)
+    def with_bits(self, bit_depth: int) -> "_View":
+        return _View(self._frames, bit_depth, self._change, self._repair)
 
 
-class _Repaired(_View):
-    """A store whose change of a frame depends on which frame it is."""
-
-    def __init__(self, frames: FrameSet, change: Callable[[np.ndarray, int], np.ndarray]) -> None:
-        super().__init__(frames, lambda frame: frame, frames.bit_depth)
-        self._of = change
-
-    def read(self, i: int) -> np.ndarray:
-        return self._of(self._frames.read(i), i)
-
-    def with_bits(self, bit_depth: int) -> _View:
-        return _View(FrameSet(self._frames.records, self), lambda frame: frame, bit_depth)
-
-
-def repaired(frames: FrameSet, change: Callable[[np.ndarray, int], np.ndarray]) -> FrameSet:
-    """The frames with values put in place by ``change(frame, position)``; shapes stay."""
-    return FrameSet(frames.records, _Repaired(frames, change))
+def repaired(frames: FrameSet, repair: Callable[[np.ndarray, int], np.ndarray]) -> FrameSet:
+    """The frames with values put in place by ``repair(frame, position)``; shapes stay."""
+    return FrameSet(frames.records, _View(frames, frames.bit_depth, repair=repair))
 
 
 def replaced(frame: np.ndarray, at: tuple[np.ndarray, ...], source: tuple[np.ndarray, ...]) -> np.ndarray:
@@ -76,14 +64,14 @@ def cropped(frames: FrameSet, window: tuple[int, int, int, int]) -> FrameSet:
         top, _, left, _ = r.window
         return replace(r, window=(top + r0, top + r1, left + c0, left + c1))
 
-    view = _View(frames, lambda frame: frame[r0:r1, c0:c1], frames.bit_depth)
+    view = _View(frames, frames.bit_depth, lambda frame: frame[r0:r1, c0:c1])
     return FrameSet([record(r) for r in frames.records], view)
 
 
 def shifted(frames: FrameSet, low: int) -> FrameSet:
     """Values without their lowest bits."""
     bits = None if frames.bit_depth is None else frames.bit_depth - low
-    return FrameSet(frames.records, _View(frames, lambda frame: frame / np.float32(1 << low), bits))
+    return FrameSet(frames.records, _View(frames, bits, lambda frame: frame / np.float32(1 << low)))
 
 
 def colour_plane(frames: FrameSet, row: int, column: int) -> FrameSet:
@@ -93,7 +81,7 @@ def colour_plane(frames: FrameSet, row: int, column: int) -> FrameSet:
         window = r.window and (r.window[0] // 2, r.window[1] // 2, r.window[2] // 2, r.window[3] // 2)
         return replace(r, bayer=None, window=window)
 
-    view = _View(frames, lambda frame: frame[row::2, column::2], frames.bit_depth)
+    view = _View(frames, frames.bit_depth, lambda frame: frame[row::2, column::2])
     return FrameSet([record(r) for r in frames.records], view)
 
 
@@ -101,4 +89,4 @@ def at_bits(frames: FrameSet, bit_depth: int | None) -> FrameSet:
     """The same pixels with another number of bits of the converter."""
     if bit_depth == frames.bit_depth:
         return frames
-    return FrameSet(frames.records, _View(frames, lambda frame: frame, bit_depth))
+    return FrameSet(frames.records, _View(frames, bit_depth))

@@ -1,7 +1,5 @@
 """A user's mistake: which file, which field, what was expected, in one line; and work of which a part failed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

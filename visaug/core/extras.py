@@ -7,25 +7,17 @@ from pathlib import Path
 
 from visaug.core.errors import InputError
 
-# Top-level module: the extra of pyproject.toml that installs it.
-EXTRAS = {
-    "kornia": "kornia",
-    "kornia_rs": "kornia",
-    "astropy": "measure",
-    "tifffile": "measure",
-    "matplotlib": "measure",
-    "jinja2": "measure",
-    "starlette": "lab",
-    "uvicorn": "lab",
-    "ultralytics": "train",
-    "cv2": "train",
-    "torchvision": "train",
-    "visaug_train": "train",
-    "ray": "cluster",
-    "rawpy": "raw",
-    "h5py": "raw",
-    "OpenEXR": "exr",
+# Extras of pyproject.toml, and the top-level modules that each installs.
+_MODULES = {
+    "kornia": "kornia kornia_rs",
+    "measure": "astropy tifffile matplotlib jinja2",
+    "lab": "starlette uvicorn",
+    "train": "ultralytics cv2 torchvision visaug_train",
+    "cluster": "ray",
+    "raw": "rawpy h5py",
+    "exr": "OpenEXR",
 }
+EXTRAS = {module: extra for extra, modules in _MODULES.items() for module in modules.split()}
 
 
 @contextmanager

@@ -141,11 +141,11 @@ def folder_lock(folder: str | Path) -> Iterator[None]:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise InputError(
+            problem, expected = (
                 "another visaug command is writing there",
-                file=folder,
-                expected="another folder, or wait until it ends",
-            ) from None
+                "another folder, or wait until it ends",
+            )
+            raise InputError(problem, file=folder, expected=expected) from None
         except OSError:  # a file system without locks
             pass
         yield

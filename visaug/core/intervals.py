@@ -1,16 +1,14 @@
 """95 % intervals for a camera's own parameters from one camera's frames."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy import special, stats
 
-LEVEL = 0.95
-_HALF = 0.5 * (1 - LEVEL)
+_HALF = 0.5 * (1 - 0.95)
 Z = float(special.ndtri(1 - _HALF))
+Interval = tuple[float, float, float]  # value, low, high
 
 
 def t_quantile(df: float) -> float:
@@ -18,7 +16,7 @@ def t_quantile(df: float) -> float:
     return float(stats.t.ppf(1 - _HALF, df)) if math.isfinite(df) else Z
 
 
-def variance_combination(terms: Sequence[tuple[float, float, float]]) -> tuple[float, float, float]:
+def variance_combination(terms: Sequence[tuple[float, float, float]]) -> Interval:
     """Estimate and interval of a sum of c * E[MS], mean squares with chi-square spread.
 
     The modified large-sample method (Graybill and Wang, J. Am. Stat. Assoc. 75 (1980) 869; for differences
@@ -41,15 +39,13 @@ def variance_combination(terms: Sequence[tuple[float, float, float]]) -> tuple[f
     return value, max(value - math.sqrt(below), 0.0), max(value, 0.0) + math.sqrt(above)
 
 
-def root(
-    interval: tuple[float, float, float], factor: float = 1.0, relative: float = 0.0
-) -> tuple[float, ...]:
+def root(interval: Sequence[float], factor: float = 1.0, relative: float = 0.0) -> Interval:
     """Standard deviation from a variance and its interval, times `factor` known to `relative` (one sigma)."""
     value, low, high = (math.sqrt(max(v, 0.0)) * factor for v in interval)
     return widen((value, low, high), relative)
 
 
-def widen(interval: Sequence[float], relative: float) -> tuple[float, float, float]:
+def widen(interval: Sequence[float], relative: float) -> Interval:
     """An interval of a positive figure, widened by the relative standard error of a factor in it."""
     value, low, high = interval
     if relative <= 0:
@@ -61,7 +57,7 @@ def widen(interval: Sequence[float], relative: float) -> tuple[float, float, flo
     return value, low, high
 
 
-def symmetric(value: float, error: float, df: float = math.inf) -> tuple[float, float, float]:
+def symmetric(value: float, error: float, df: float = math.inf) -> Interval:
     half = t_quantile(df) * error
     return value, value - half, value + half
 
@@ -100,10 +96,8 @@ def jackknife(
     for name, value in whole.items():
         values = np.array([part.get(name, math.nan) for part in parts])
         values = values[np.isfinite(values)]
-        error = (
-            math.sqrt((blocks - 1) / blocks * ((values - values.mean()) ** 2).sum())
-            if values.size > 1
-            else math.nan
-        )
+        error = math.nan
+        if values.size > 1:
+            error = math.sqrt((blocks - 1) / blocks * ((values - values.mean()) ** 2).sum())
         result[name] = (value, error, blocks - 1)
     return result

@@ -69,11 +69,9 @@ def progress_bars(single: bool = False, quiet: bool = False) -> Iterator[Progres
         if new:
             console.print(phase)
         elif now - told >= EVERY_S and done < total:
-            left = (
-                f", about {clock((now - began) * (total - done) / (done - first))} left"
-                if done > first
-                else ""
-            )
+            left = ""
+            if done > first:
+                left = f", about {clock((now - began) * (total - done) / (done - first))} left"
             console.print(f"{description} ({done} of {total}){left}")
         else:
             return

@@ -39,6 +39,17 @@ def first_of(items: Iterable[object], most: int, between: str = ", ") -> str:
     return between.join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
 
 
+def listed(items: Iterable[object], most: int) -> str:
+    """The first of a list, and dots where there are more.
+
+    Examples:
+        >>> listed([3, 5, 8], 2), listed([3, 5], 2)
+        ('3, 5, ...', '3, 5')
+    """
+    texts = [str(item) for item in items]
+    return ", ".join([*texts[:most], *(["..."] if len(texts) > most else [])])
+
+
 def counted(count: int, noun: str) -> str:
     """A number and a noun, which gets an s unless the number is 1.
 

@@ -6,8 +6,6 @@ hold the noise of rows too, those of vertical frequency 0 that of columns: the n
 blocks are those of the JPEG grid, and a coefficient's known rounding step is part of its expected mean square.
 """
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -24,10 +22,10 @@ CHOICE = INNER & (U + V <= 4)  # shows structure
 NOISE = INNER & (U + V > 4)  # shows noise
 LINE = np.arange(SIDE) > 3  # of the coefficients of rows or columns, those that shading does not reach
 PIXELS_ROUNDED = 1 / 12
+EDGE = 8.0  # low coefficients of a line above this many medians are an edge of the scene
 _CHOSEN = int(np.count_nonzero(CHOICE))
 _FLAT = float(stats.chi2.ppf(0.9, _CHOSEN))  # sum of squares of noise alone up to which a block is flat
 FLAT_MEAN = float(stats.chi2.cdf(_FLAT, _CHOSEN + 2)) / 0.9  # of the squares in flat blocks over the noise's
-_SAMPLE = 200_000
 _LEAST = 16  # blocks for one level: their variance is then known to about a tenth
 _DEVIATIONS = np.geomspace(0.1, 120, 900)
 _COARSEST = 2.5  # rounding step of JPEG over the standard deviation of noise
@@ -70,7 +68,7 @@ def blocks_of(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def sample(pictures: PictureSet, seed: int) -> tuple[Blocks, float]:
     """Blocks of all pictures, evenly many of each; and the share of all blocks that are saturated or black."""
     rng = np.random.default_rng(seed)
-    most = max(_SAMPLE // len(pictures), 200)
+    most = max(200_000 // len(pictures), 200)
     parts, left_out = [], []
     for n in range(len(pictures)):
         coefficients, level, usable = blocks_of(pictures.read(n))
@@ -78,14 +76,9 @@ def sample(pictures: PictureSet, seed: int) -> tuple[Blocks, float]:
         chosen = np.flatnonzero(usable)
         if len(chosen) > most:
             chosen = rng.choice(chosen, most, replace=False)
-        parts.append(
-            (
-                coefficients.reshape(-1, SIDE, SIDE)[chosen].astype(np.float32),
-                level.ravel()[chosen],
-                np.full(len(chosen), n),
-                ndimage.maximum_filter(level, 3).ravel()[chosen],
-            )
-        )
+        around = ndimage.maximum_filter(level, 3).ravel()[chosen]
+        coefficients = coefficients.reshape(-1, SIDE, SIDE)[chosen].astype(np.float32)
+        parts.append((coefficients, level.ravel()[chosen], np.full(len(chosen), n), around))
     return Blocks(*(np.concatenate(p) for p in zip(*parts, strict=True))), float(np.mean(left_out))
 
 
@@ -114,10 +107,8 @@ class Rounding:
         given, found = [], []
         for deviation in np.geomspace(0.4, 20, 12):
             pixels = np.rint(rng.normal(128 + rng.uniform(-0.5, 0.5), deviation, (512, 512))).clip(0, 255)
-            file = io.BytesIO()
-            Image.fromarray(pixels.astype(np.uint8)).save(
-                file, "JPEG", qtables=[steps.astype(int).ravel().tolist()]
-            )
+            file, tables = io.BytesIO(), [steps.astype(int).ravel().tolist()]
+            Image.fromarray(pixels.astype(np.uint8)).save(file, "JPEG", qtables=tables)
             coefficients, _, _ = blocks_of(np.asarray(Image.open(file)).astype(float))
             coefficients = coefficients.reshape(-1, SIDE, SIDE)
             found.append(self.variance(self.sums(coefficients).sum(0), self.counts() * len(coefficients)))
@@ -209,30 +200,28 @@ class Levels:
     def variance_at(self, level: np.ndarray | float) -> np.ndarray:
         return np.asarray(np.interp(level, self.level, self.variance))
 
-    def above(self, deviations: float) -> Levels:
+    def curve(self, scale: float = 1.0) -> dict[str, np.ndarray]:
+        """Noise and its standard error by level, in DN of 8 bit times `scale`."""
+        noise = np.sqrt(self.variance) * scale
+        return {"level_dn": self.level * scale, "noise_dn": noise, "error_dn": noise * self.error / 2}
+
+    def above(self, deviations: float) -> "Levels":
         """Those levels that lie this many standard deviations above code 0."""
         return self.where(self.level > deviations * np.sqrt(self.variance))
 
-    def where(self, kept: np.ndarray) -> Levels:
+    def where(self, kept: np.ndarray) -> "Levels":
         """The levels of a mask (levels,)."""
-        return replace(
-            self,
-            **{
-                n: getattr(self, n)[kept]
-                for n in ("number", "level", "variance", "chosen", "error", "structure")
-            },
-            **{n: getattr(self, n)[:, kept] for n in ("sums", "levels", "blocks")},
-        )
+        of_levels = ("number", "level", "variance", "chosen", "error", "structure")
+        parts = {n: getattr(self, n)[kept] for n in of_levels}
+        return replace(self, **parts, **{n: getattr(self, n)[:, kept] for n in ("sums", "levels", "blocks")})
 
     def of_pictures(self, weights: np.ndarray, rounding: Rounding) -> tuple[np.ndarray, np.ndarray]:
         """Level and variance of each bin where the pictures have these weights; NaN where nothing is left."""
         blocks = np.tensordot(weights, self.blocks, 1)
         level = np.tensordot(weights, self.levels, 1) / np.maximum(blocks, 1e-9)
         sums = np.tensordot(weights, self.sums, 1)
-        counts = rounding.counts()
-        variance = [
-            rounding.variance(s, counts * n) if n > 0 else np.nan for s, n in zip(sums, blocks, strict=True)
-        ]
+        of_block = rounding.counts()
+        variance = [rounding.variance(s, of_block * n) if n > 0 else np.nan for s, n in zip(sums, blocks)]
         return level, np.array(variance)
 
 
@@ -277,33 +266,20 @@ def noise_by_level(
         if one_level is not None and edges[k] == one_level[0]:
             inside = here[blocks.around[here] < one_level[1]]
             if len(inside) >= _LEAST:
-                used, variance = (
-                    inside,
-                    rounding.variance(sums[inside].sum(0), rounding.counts() * len(inside)),
-                )
+                used = inside
+                variance = rounding.variance(sums[inside].sum(0), rounding.counts() * len(inside))
         rows.append((k, used, variance, structure, chosen))
+    number, members, variance, structure, chosen = map(list, zip(*rows)) if rows else ([],) * 5
     shape = (pictures, len(rows))
     all_sums, levels, counts = np.zeros((*shape, len(rounding.kinds))), np.zeros(shape), np.zeros(shape)
-    for j, (_, chosen, *_) in enumerate(rows):
-        np.add.at(all_sums[:, j], blocks.picture[chosen], sums[chosen])
-        np.add.at(levels[:, j], blocks.picture[chosen], blocks.level[chosen])
-        np.add.at(counts[:, j], blocks.picture[chosen], 1)
+    for j, used in enumerate(members):
+        for table, values in ((all_sums, sums[used]), (levels, blocks.level[used]), (counts, 1)):
+            np.add.at(table[:, j], blocks.picture[used], values)
     total = counts.sum(0)
-    structure = np.array([r[3] for r in rows])
-    variance = np.array([r[2] for r in rows])
-    degrees = np.array([rounding.degrees(v) for v in variance])
-    return Levels(
-        edges,
-        np.array([r[0] for r in rows], int),
-        levels.sum(0) / np.maximum(total, 1),
-        variance,
-        np.array([r[4] for r in rows]),
-        np.sqrt(2 / np.maximum(total * degrees, 1)),
-        structure,
-        all_sums,
-        levels,
-        counts,
-    )
+    level = levels.sum(0) / np.maximum(total, 1)
+    error = np.sqrt(2 / np.maximum(total * np.array([rounding.degrees(v) for v in variance]), 1))
+    parts = np.array(variance), np.array(chosen), error, np.array(structure)
+    return Levels(edges, np.array(number, int), level, *parts, all_sums, levels, counts)
 
 
 def _flat_ones(low: np.ndarray, sums: np.ndarray, rounding: Rounding) -> tuple[np.ndarray, float, float]:
@@ -314,10 +290,8 @@ def _flat_ones(low: np.ndarray, sums: np.ndarray, rounding: Rounding) -> tuple[n
     variance = rounding.variance(sums[kept].sum(0), per_block * len(kept))
     for _ in range(6):
         flat = low <= flat_limit(variance, rounding)
-        flat &= (
-            sums[:, 0] / per_block[0]
-            <= outlying * rounding._table[0][np.argmin(abs(_DEVIATIONS**2 - variance))]
-        )
+        expected = rounding._table[0][np.argmin(abs(_DEVIATIONS**2 - variance))]
+        flat &= sums[:, 0] / per_block[0] <= outlying * expected
         kept = np.flatnonzero(flat)
         if not len(kept):
             return kept, variance, np.inf

@@ -1,7 +1,5 @@
 """From pictures to an effective camera: the noise curve under a tone curve, patterns, and what stays open."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -24,15 +22,8 @@ NEEDS = {
     "full_well_e": "flats beyond saturation; the highest code of the pictures saturates the camera here",
 }
 _NO_CAMERA = (
-    "gain_e_per_dn",
-    "read_noise.sigma_e",
-    "black_level_dn",
-    "dsnu.pixel_e",
-    "dsnu.row_e",
-    "dsnu.column_e",
-    "prnu.pixel",
-)
-_MISFIT = 2.0  # times the errors of the levels
+    "gain_e_per_dn", "read_noise.sigma_e", "black_level_dn", "dsnu.pixel_e", "dsnu.row_e", "dsnu.column_e", "prnu.pixel",
+)  # fmt: skip
 
 
 def camera_of_pictures(found: Findings, frames: FrameSet, seed: int) -> tuple[int, int] | None:
@@ -49,50 +40,45 @@ def camera_of_pictures(found: Findings, frames: FrameSet, seed: int) -> tuple[in
     rounding = Rounding(pictures.steps, pictures.is_jpeg)
     levels = noise_by_level(blocks, rounding, len(pictures))
     if is_rendered(blocks, levels, rounding):
-        _no_camera(found, "pictures with sensor noise")
+        _no_camera(
+            found, "pictures with sensor noise", f"no_sensor_noise: {no_noise(pictures)}; there is no camera"
+        )
         found.miss("image.noise_dn", "pictures with sensor noise")
-        found.warn(f"no_sensor_noise: {no_noise(pictures)}; there is no camera")
         return None
     if not len(levels.level):
-        _no_flat_regions(found, blocks, left_out)
-        return None
+        return _no_flat_regions(found, blocks, left_out)
     _noise_in_dn(found, pictures, levels, rounding)
     if left_out > 0.5:
         found.warn(
             f"clipped_pictures: {left_out:.0%} of the regions are saturated or all black and tell nothing"
         )
     if len(pictures) < 3:
-        _no_camera(found, "three or more pictures")
-        found.warn(f"few_pictures: {len(pictures)} of one kind; spreads and patterns need three or more")
-        return None
+        said = f"few_pictures: {len(pictures)} of one kind; spreads and patterns need three or more"
+        return _no_camera(found, "three or more pictures", said)
     return _camera(found, pictures, blocks, levels, rounding)
 
 
 def _no_flat_regions(found: Findings, blocks: Blocks, left_out: float) -> None:
-    _no_camera(found, "flat regions of 8 x 8 pixels that do not clip")
-    found.miss("image.noise_dn", "flat regions of 8 x 8 pixels that do not clip")
+    needs = "flat regions of 8 x 8 pixels that do not clip"
     if not len(blocks.level):
-        found.warn("clipped_pictures: every region is saturated or all black; nothing can be measured")
+        said = "clipped_pictures: every region is saturated or all black; nothing can be measured"
     else:
-        found.warn(
-            f"no_flat_regions: the pictures hold hardly any region without structure ({left_out:.0%} of all regions clip)"
-        )
+        said = f"no_flat_regions: the pictures hold hardly any region without structure ({left_out:.0%} of all regions clip)"
+    _no_camera(found, needs, said)
+    found.miss("image.noise_dn", needs)
 
 
-def _no_camera(found: Findings, needs: str) -> None:
+def _no_camera(found: Findings, needs: str, said: str = "") -> None:
     for name in _NO_CAMERA:
         found.miss(name, needs)
+    if said:
+        found.warn(said)
 
 
 def _noise_in_dn(found: Findings, pictures: PictureSet, levels: Levels, rounding: Rounding) -> None:
     """The noise curve and its straight line in DN, whatever made it."""
     scale = pictures.scale
-    noise = np.sqrt(levels.variance) * scale
-    found.curves["noise_level"] = {
-        "level_dn": levels.level * scale,
-        "noise_dn": noise,
-        "error_dn": noise * levels.error / 2,
-    }
+    found.curves["noise_level"] = levels.curve(scale)
 
     def figures(weights: np.ndarray) -> np.ndarray:
         level, variance = levels.of_pictures(weights, rounding)
@@ -115,9 +101,7 @@ def _noise_in_dn(found: Findings, pictures: PictureSet, levels: Levels, rounding
             half = t_quantile(degrees) * spread[k] if np.isfinite(spread[k]) else math.inf
             if len(pictures) == 1:
                 half = 1.96 * float(np.median(levels.error)) * abs(value[k])
-            add(
-                found, name, (value[k] * factor, (value[k] - half) * factor, (value[k] + half) * factor), unit
-            )
+            add(found, name, [v * factor for v in (value[k], value[k] - half, value[k] + half)], unit)
         else:
             found.miss(name, "flat regions at different levels")
 
@@ -125,17 +109,17 @@ def _noise_in_dn(found: Findings, pictures: PictureSet, levels: Levels, rounding
 def _camera(
     found: Findings, pictures: PictureSet, blocks: Blocks, levels: Levels, rounding: Rounding
 ) -> tuple[int, int] | None:
-    fewest_levels = 4
+    needs, fewest_levels = "flat regions at several levels", 4
     if len(levels.level) < fewest_levels or np.ptp(levels.level) < 20:
-        _no_camera(found, "flat regions at several levels")
-        found.warn(
+        said = (
             "one_level: flat regions lie at one level only; without a slope there is no gain, and no camera"
         )
-        return None
+        return _no_camera(found, needs, said)
     sky = find_sky(blocks, levels)
     if sky:
-        whole = (sky.level - sky.reach, sky.level + sky.reach)
-        levels = noise_by_level(blocks, rounding, len(pictures), whole)
+        levels = noise_by_level(
+            blocks, rounding, len(pictures), (sky.level - sky.reach, sky.level + sky.reach)
+        )
     cut = 3.0  # standard deviations of noise above code 0
     if pictures.is_jpeg and sky and sky.level < cut * math.sqrt(levels.variance[0]):
         # A decoder cuts what JPEG has moved below 0, so noise there follows no law of the sensor.
@@ -144,45 +128,29 @@ def _camera(
             "black_cut_by_jpeg: black lies at code 0 and JPEG cuts its noise again; noise near black is left out"
         )
         if len(levels.level) < fewest_levels:
-            _no_camera(found, "flat regions at several levels")
-            return None
+            return _no_camera(found, needs)
     clear, sky = _without_rounded(found, levels, rounding, sky)
     if len(clear.level) < fewest_levels:
         lost = len(clear.level) < len(levels.level)
-        of_jpeg = " whose noise JPEG has not rounded away" if lost else ""
-        _no_camera(found, f"flat regions at several levels{of_jpeg}")
-        return None
+        return _no_camera(found, needs + " whose noise JPEG has not rounded away" * lost)
     levels = clear
-    start = VarianceLaw(
-        "linear",
-        0.05,
-        max(0.8 * float(levels.variance[0]), 0.02),
-        sky.level if sky else 0.0,
-        codes=max(round(pictures.top_dn), 255),
-    )
-    first = min(
-        (fit(t, levels.level, levels.variance, levels.error, sky, start) for t in TONES), key=lambda f: f[1]
-    )[0]
+    black, codes = sky.level if sky else 0.0, max(round(pictures.top_dn), 255)
+    start = VarianceLaw("linear", 0.05, max(0.8 * float(levels.variance[0]), 0.02), black, codes=codes)
+    fits = [fit(tone, levels.level, levels.variance, levels.error, sky, start) for tone in TONES]
+    first = min(fits, key=lambda f: f[1])[0]
     pattern = recurring(pictures, levels, rounding, first, sky)
     texture = texture_in(blocks, levels, rounding, sky.level + sky.reach if sky else -math.inf)
     readings = readings_of(NoiseCurve(pictures, levels, rounding, sky, texture, pattern), start)
     if not readings:
-        _no_camera(found, "noise that grows with the level as shot noise does")
-        found.warn(
-            "no_shot_noise: the noise does not grow with the level as shot noise does, so there is no gain"
-        )
-        return None
+        said = "no_shot_noise: the noise does not grow with the level as shot noise does, so there is no gain"
+        return _no_camera(found, "noise that grows with the level as shot noise does", said)
     best = readings[0]
     low, high = min(r.gain[1] for r in readings), max(r.gain[2] for r in readings)
-    unknown = 3.0  # an interval of the gain wider than this factor either way is no measurement
-    if not (high < unknown**2 * low and math.isfinite(high)):
-        _no_camera(found, "more pictures, or flat regions over a wider range of levels")
-        found.warn(
-            f"gain_unknown: the gain lies between {low:.3g} and {high:.3g} e-/DN; that is no measurement"
-        )
-        return None
+    if not (high < 3.0**2 * low and math.isfinite(high)):  # a factor of three either way
+        said = f"gain_unknown: the gain lies between {low:.3g} and {high:.3g} e-/DN; that is no measurement"
+        return _no_camera(found, "more pictures, or flat regions over a wider range of levels", said)
     _warn_of_fine_texture(found, texture, best)
-    if best.misfit > _MISFIT:
+    if best.misfit > 2.0:
         found.warn(
             f"noise_curve_misfit: noise of flat regions lies {best.misfit:.1f} standard errors from shot noise and a constant, "
             "root mean square; texture in all regions, or processing; errors are enlarged by as much and may still be too small",
@@ -219,9 +187,8 @@ def _without_rounded(
 def _warn_of_fine_texture(found: Findings, texture: Texture, best: Reading) -> None:
     signs = []
     if texture.is_white:
-        signs.append(
-            f"structure in flat regions has {texture.share:.2g} of its power in fine frequencies (white noise has 1)"
-        )
+        share = f"{texture.share:.2g} of its power in fine frequencies (white noise has 1)"
+        signs.append(f"structure in flat regions has {share}")
     if best.contrast:
         signs.append(
             f"noise grows with the light itself, as texture of a contrast of {best.contrast:.1%} does"
@@ -259,19 +226,18 @@ def _add_curve(found: Findings, pictures: PictureSet, readings: list[Reading], s
 
     add(found, "gain_e_per_dn", span("gain"), "e-/DN", shared)
     black = span("black")
-    lowest = (
-        "" if sky else f"; black level {black[0]:.3g} DN at best, the lowest with which it is not negative"
-    )
-    add(found, "read_noise.sigma_e", span("read"), "e-", shared + lowest)
+    lowest = f"; black level {black[0]:.3g} DN at best, the lowest with which it is not negative"
+    add(found, "read_noise.sigma_e", span("read"), "e-", shared + ("" if sky else lowest))
     if sky is None and black[0] > 0:
         add(found, "black_level_dn", black, "DN", "no black sky: from noise that would be negative below")
         return
     if sky is None:
         found.miss("black_level_dn", "pictures with a black sky; 0 is taken")
         return
+    noise = math.sqrt(readings[0].law.read) * pictures.scale
     if black[0] < 3 * math.sqrt(readings[0].law.read) * pictures.scale:
         found.warn(
-            f"cut_at_0: black lies {black[0]:.2g} DN above code 0 with noise of "
-            f"{math.sqrt(readings[0].law.read) * pictures.scale:.2g} DN, so part of it is cut off; the law of the cut is in the fit"
+            f"cut_at_0: black lies {black[0]:.2g} DN above code 0 with noise of {noise:.2g} DN, so part of it is cut off; the law "
+            "of the cut is in the fit"
         )
     add(found, "black_level_dn", [max(v, 0.0) for v in black], "DN", "the sky is black")

@@ -6,23 +6,24 @@ does not enter. A level counts only where both sets have flat blocks without str
 picture to picture (jackknife); pictures are the sample, not pixels.
 """
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from scipy import stats
 
 from visaug.core.errors import InputError
 from visaug.core.reporting import Reported
 from visaug.frames import FrameRecord, FrameSet
 from visaug.pictures.blocks import Blocks, Levels, Rounding, noise_by_level, sample
 from visaug.pictures.curve import VarianceLaw
-from visaug.pictures.difference import StatisticDifference, difference, look_differences
 from visaug.pictures.files import PictureSet, largest_group
+from visaug.pictures.looks import measured
 from visaug.pictures.pattern import VariancePart, recurring
+from visaug.pictures.regions import find_regions
+from visaug.pictures.scenes import chosen_of, read_windows
 from visaug.pictures.sets import find_sky, jackknife
 from visaug.statistics.places import Place, Places, data_frame, verdict_json
 from visaug.statistics.tail import SIGNIFICANT
@@ -30,8 +31,33 @@ from visaug.statistics.tail import SIGNIFICANT
 if TYPE_CHECKING:
     from visaug.camera import Camera
 
-_CLEAN = 0.1  # share by which low coefficients may exceed the noise where a level counts
 _COLUMNS = ["view", "statistic", "unit", "measured", "modelled", "standard_deviation", "z"]
+
+
+@dataclass(frozen=True)
+class StatisticDifference:
+    """One statistic of both sets: value in the target, in the other set, and the standard error of the difference."""
+
+    view: str
+    statistic: str
+    unit: str
+    measured: float
+    modelled: float
+    standard_deviation: float
+    degrees: float
+
+    @property
+    def p_value(self) -> float:
+        return float(2 * stats.t.sf(abs(self.t), self.degrees))
+
+    @property
+    def t(self) -> float:
+        return (self.measured - self.modelled) / self.standard_deviation
+
+    @property
+    def z(self) -> float:
+        """The standard deviations of a normal variable that are as improbable."""
+        return float(math.copysign(stats.norm.isf(max(self.p_value, 1e-300) / 2), self.t))
 
 
 @dataclass(frozen=True)
@@ -55,7 +81,7 @@ class PictureComparison(Reported):
     warnings: tuple[str, ...]
     pictures: tuple[int, int]
     target: FrameSet | None = field(default=None, repr=False, compare=False)
-    camera: Camera | None = field(default=None, repr=False, compare=False)
+    camera: "Camera | None" = field(default=None, repr=False, compare=False)
     transfer: Literal["linear", "srgb"] = "linear"
 
     @property
@@ -94,7 +120,7 @@ class _Set:
 def compare_pictures(
     renders: FrameSet,
     target: FrameSet,
-    camera: Camera | None = None,
+    camera: "Camera | None" = None,
     transfer: Literal["linear", "srgb"] = "linear",
     seed: int = 0,
     progress: Callable[[str, int, int], None] | None = None,
@@ -131,27 +157,17 @@ def compare_pictures(
         )
     found = [*noise, *_lines(*parts), *look_differences(*(one.pictures for one in sets))]
     if not found:
-        raise InputError(
-            "the two sets have no flat regions at a common level",
-            field="--target",
-            expected="pictures of like brightness",
-        )
+        problem = "the two sets have no flat regions at a common level"
+        raise InputError(problem, field="--target", expected="pictures of like brightness")
     p = min(1.0, len(found) * min(d.p_value for d in found))
-    curves = {
-        name: {
-            "level_dn": s.levels.level,
-            "noise_dn": np.sqrt(s.levels.variance),
-            "error_dn": np.sqrt(s.levels.variance) * s.levels.error / 2,
-        }
-        for name, s in zip(("renders", "target"), sets, strict=True)
-    }
-    sizes = len(sets[0].pictures), len(sets[1].pictures)
-    return PictureComparison(
-        p, tuple(found), _places(found), curves, tuple(warnings), sizes, target, camera, transfer
-    )
+    curves = {name: s.levels.curve() for name, s in zip(("renders", "target"), sets)}
+    sizes, said = (len(sets[0].pictures), len(sets[1].pictures)), tuple(warnings)
+    return PictureComparison(p, tuple(found), _places(found), curves, said, sizes, target, camera, transfer)
 
 
-def _noisy(pictures: PictureSet, camera: Camera, transfer: Literal["linear", "srgb"], seed: int) -> FrameSet:
+def _noisy(
+    pictures: PictureSet, camera: "Camera", transfer: Literal["linear", "srgb"], seed: int
+) -> FrameSet:
     """8-bit pictures as the camera would have taken them, with one sensor's fixed pattern."""
     import torch
 
@@ -172,12 +188,9 @@ def _prepared(name: str, frames: FrameSet, seed: int, warnings: list[str]) -> _S
     if not any(r.kind == "image" for r in frames.records):
         raise InputError("holds no ordinary pictures", field=name, expected="a folder of pictures")
     pictures = largest_group(frames, lambda text: warnings.append(f"{text} ({name})"))
-    fewest = 5  # pictures of a set
-    if len(pictures) < fewest:
+    if len(pictures) < 5:
         raise InputError(
-            f"too few pictures of one kind: {len(pictures)}",
-            field=name,
-            expected=f"{fewest} or more of one size",
+            f"too few pictures of one kind: {len(pictures)}", field=name, expected="5 or more of one size"
         )
     blocks, _ = sample(pictures, seed)
     rounding = Rounding(pictures.steps, pictures.is_jpeg)
@@ -186,31 +199,23 @@ def _prepared(name: str, frames: FrameSet, seed: int, warnings: list[str]) -> _S
 
 def _noise(renders: _Set, target: _Set) -> list[StatisticDifference]:
     """Standard deviation of pixels at each level that both sets have."""
-    values = []
+    sides = []
     for one in (renders, target):
 
         def figures(weights: np.ndarray, one: _Set = one) -> np.ndarray:
             return np.sqrt(one.levels.of_pictures(weights, one.rounding)[1])
 
         value, spread, degrees = jackknife(figures, len(one.pictures))
-        clean = one.levels.structure < _CLEAN
-        values.append(
-            {
-                int(k): (
-                    value[j],
-                    math.hypot(spread[j], value[j] * one.levels.structure[j] / 4),
-                    degrees,
-                    one.levels.level[j],
-                )
-                for j, k in enumerate(one.levels.number)
-                if clean[j] and np.isfinite(spread[j])
-            }
-        )
-    found = []
-    for k in sorted(values[0].keys() & values[1].keys()):
-        (a, ea, da, _), (b, eb, db, level) = values[0][k], values[1][k]
-        found.append(difference("noise_level", f"noise at level {level:.0f}", "DN", (b, eb, db), (a, ea, da)))
-    return found
+        levels = one.levels
+        # A level counts where low coefficients hardly exceed the noise.
+        counts = [j for j, s in enumerate(levels.structure) if s < 0.1 and np.isfinite(spread[j])]
+        errors = {j: math.hypot(spread[j], value[j] * levels.structure[j] / 4) for j in counts}
+        sides.append({int(levels.number[j]): (value[j], errors[j], degrees, levels.level[j]) for j in counts})
+    return [
+        difference("noise_level", f"noise at level {b[3]:.0f}", "DN", b[:3], sides[0][k][:3])
+        for k, b in sorted(sides[1].items())
+        if k in sides[0]
+    ]
 
 
 def _parts(one: _Set) -> dict[str, VariancePart | None]:
@@ -255,3 +260,28 @@ def _places(found: list[StatisticDifference]) -> Places:
         worst = max(here, key=lambda d: abs(d.z))
         places.append(Place(view, sum(excess[d] for d in here) / total, worst.statistic, worst.z))
     return Places(sorted(places, key=lambda p: -p.share))
+
+
+def difference(
+    view: str, statistic: str, unit: str, of_target: Sequence[float], of_others: Sequence[float]
+) -> StatisticDifference:
+    """Of a value, its standard error and the degrees of freedom of that, in the target and in the other pictures."""
+    (b, eb, db), (a, ea, da) = of_target, of_others
+    variance = ea**2 + eb**2 + 1e-12
+    degrees = float(max(variance**2 / (ea**4 / da + eb**4 / db + 1e-24), 2.0))  # Welch
+    return StatisticDifference(view, statistic, unit, float(b), float(a), math.sqrt(variance), degrees)
+
+
+def look_differences(renders: PictureSet, target: PictureSet) -> list[StatisticDifference]:
+    """What the cameras of two sets make of black, bright and flat areas and of edges: statistics that both sets tell."""
+    sides = []
+    for pictures in (target, renders):
+        chosen, window = chosen_of(pictures, 8_000_000)
+        taken = read_windows(pictures, chosen, window)
+        regions = find_regions(taken, 255.0, Rounding(pictures.steps, pictures.is_jpeg))
+        sides.append({look.name: (look, figures) for look, *figures in measured(taken, regions)})
+    return [
+        difference(look.view, look.name, look.unit, one, sides[1][name][1])
+        for name, (look, one) in sides[0].items()
+        if name in sides[1]
+    ]

@@ -5,8 +5,6 @@ through a tone curve before it is rounded, and mean and variance of the code are
 near black and noise below one step are covered as well.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -35,8 +33,7 @@ class VarianceLaw:
 
     def developed(self) -> tuple[np.ndarray, np.ndarray]:
         """Mean and variance of the picture's value, in 1/255, at each of `_LEVELS` of light."""
-        most_codes = 1023  # that are summed; finer ones differ by the variance of rounding alone
-        codes = min(self.codes, most_codes)
+        codes = min(self.codes, 1023)  # finer ones differ by the variance of rounding alone
         step = 255 / codes
         k = np.arange(1, codes + 1)
         threshold = 255 * TONES[self.tone]((k - 0.5) / codes)

@@ -1,7 +1,5 @@
 """Groups of similar pictures in a set, and the processing recorded in their files."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,8 +11,6 @@ from visaug.core.errors import InputError
 from visaug.frames import FrameSet
 from visaug.frames.limits import pillow_image
 from visaug.frames.pixels import PICTURES
-
-MOST = 300  # pictures that are looked at
 
 
 @dataclass(frozen=True)
@@ -67,19 +63,16 @@ def largest_group(frames: FrameSet, warn: Callable[[str], object]) -> PictureSet
             f"several_cameras: the pictures have {what}; the largest group is used, {count} of {len(every)} pictures of "
             f"{shape[0]} x {shape[1]}"
         )
-    if (
-        chosen.colour
-        and table is not None
-        and _channels_differ(frames, next(i for i in every if files[i] == chosen))
-    ):
+    indices = [i for i in every if files[i] == chosen]
+    if chosen.colour and table is not None and _channels_differ(frames, indices[0]):
         warn(
             "colour_jpeg: green is used where the channels differ, and JPEG is taken to have rounded it as it rounds "
             "luminance; it rounds colour more, so noise comes out too low and gain too high"
         )
-    indices = [i for i in every if files[i] == chosen]
-    if len(indices) > MOST:
-        indices = [indices[k] for k in np.unique(np.linspace(0, len(indices) - 1, MOST).astype(int))]
-        warn(f"part_of_the_pictures: {MOST} of {count} pictures are used, evenly spaced by name")
+    most = 300
+    if len(indices) > most:
+        indices = [indices[k] for k in np.unique(np.linspace(0, len(indices) - 1, most).astype(int))]
+        warn(f"part_of_the_pictures: {most} of {count} pictures are used, evenly spaced by name")
     bits = frames.bit_depth or 8
     steps = np.ones((8, 8)) if table is None else np.array(table, float).reshape(8, 8)
     return PictureSet(frames, tuple(indices), steps, table is not None, float((1 << bits) - 1))

@@ -5,8 +5,6 @@ noise of one frequency over noise of another, steps at the grid of JPEG over ste
 light that is there to be scattered. The spread of a ratio is that from picture to picture.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -20,8 +18,6 @@ from visaug.pictures.symmetry import FEWEST, Sums, area_sums
 
 _FINE, _COARSE = INNER & (U + V > 9), INNER & (U + V > 4) & (U + V < 8)
 _ACROSS, _DOWN = INNER & (U + V > 4) & (V > U), INNER & (U + V > 4) & (U > V)
-_ALONG = 0.3  # slope along an edge, as a share of that across it
-_HALOS = (4, 12)  # px
 
 
 @dataclass(frozen=True)
@@ -51,12 +47,8 @@ def measured(
         error = float(np.sqrt(squares.sum()))
         degrees = float(squares.sum() ** 2 / max((squares**2).sum(), 1e-300))
         if error > 0:
-            yield (
-                look,
-                float(sums.ratio[0]),
-                float(np.hypot(error, look.texture * texture)),
-                max(degrees - 1, 1.0),
-            )
+            error = float(np.hypot(error, look.texture * texture))
+            yield look, float(sums.ratio[0]), error, max(degrees - 1, 1.0)
 
 
 def _texture(pictures: np.ndarray, regions: Regions) -> float:
@@ -84,8 +76,7 @@ def _saturation(pictures: np.ndarray, _: Regions) -> tuple[np.ndarray, np.ndarra
         )
         for k, w in ((1, 1), (11, 10))
     )
-    pile = 5.0  # times as many pixels at the highest code as at those below
-    told = (at >= 20) & (at > pile * below / 10)
+    told = (at >= 20) & (at > 5.0 * below / 10)  # five times as many at the highest code as at those below
     return np.where(told, top, 0.0), told.astype(float)
 
 
@@ -104,11 +95,10 @@ def _noise_ratio(above: np.ndarray, below: np.ndarray):
 def _blocking(pictures: np.ndarray, _: Regions) -> tuple[np.ndarray, np.ndarray]:
     """Squared steps between the pixels at the borders of blocks of 8 x 8, over those in their middles."""
     above, below = np.zeros(len(pictures)), np.zeros(len(pictures))
-    outlying = 5.0  # robust standard deviations at which steps between pixels are cut
     for axis in (1, 2):
         step = np.diff(pictures, axis=axis).swapaxes(1, axis)
         scale = MAD * np.median(np.abs(step[:, ::3, ::5]), axis=(1, 2))[:, None, None] + 0.5
-        square = np.clip(step / scale, -outlying, outlying) ** 2
+        square = np.clip(step / scale, -5.0, 5.0) ** 2
         above += square[:, SIDE - 1 :: SIDE].mean((1, 2))
         below += square[:, SIDE // 2 - 1 :: SIDE].mean((1, 2))
     return above, below
@@ -117,10 +107,10 @@ def _blocking(pictures: np.ndarray, _: Regions) -> tuple[np.ndarray, np.ndarray]
 def _sharpness(pictures: np.ndarray, _: Regions) -> tuple[np.ndarray, np.ndarray]:
     """Steepest slope per pixel of edges over their whole height, of the sharpest fifth of edges along either axis."""
     found = []
-    sharpest = 0.8  # quantile: blunt edges are the scene's, the sharpest are the camera's
     for picture in pictures:
         ratios = np.concatenate([_edges(p) for p in (picture, picture.T)])
-        found.append(np.quantile(ratios, sharpest) if len(ratios) >= 20 else np.nan)
+        # Blunt edges are the scene's, the sharpest are the camera's.
+        found.append(np.quantile(ratios, 0.8) if len(ratios) >= 20 else np.nan)
     told = np.isfinite(found)
     return np.where(told, found, 0.0), told.astype(float)
 
@@ -131,12 +121,13 @@ def _edges(picture: np.ndarray) -> np.ndarray:
     along = np.gradient(picture, axis=0)
     size = np.abs(slope)
     reach = 4  # px on either side of an edge
-    height = ndimage.maximum_filter1d(picture, 2 * reach + 1, axis=1) - ndimage.minimum_filter1d(
-        picture, 2 * reach + 1, axis=1
+    width = 2 * reach + 1
+    height = ndimage.maximum_filter1d(picture, width, axis=1) - ndimage.minimum_filter1d(
+        picture, width, axis=1
     )
-    steepest = size >= ndimage.maximum_filter1d(size, 2 * reach + 1, axis=1)
-    contrast = 40.0  # 1/255 of full scale: an edge stands clear of the noise
-    edge = steepest & (height > contrast) & (np.abs(along) < _ALONG * size)
+    steepest = size >= ndimage.maximum_filter1d(size, width, axis=1)
+    # An edge stands clear of the noise, by 40/255 of full scale, and hardly changes along itself.
+    edge = steepest & (height > 40.0) & (np.abs(along) < 0.3 * size)
     edge[:, :reach] = edge[:, -reach:] = False
     return size[edge] / height[edge]
 
@@ -197,7 +188,7 @@ LOOKS = (
     PictureStatistic("edges", "slope of the sharpest edges over their height", "1/px", _sharpness),
     *(
         PictureStatistic("halo", f"light scattered over {width} px", "share", _halo(width))
-        for width in _HALOS
+        for width in (4, 12)
     ),
     PictureStatistic("streaks", "light along columns less along rows", "share", _streak),
     PictureStatistic("streaks", "saturated areas along columns less along rows", "share", _areas),

@@ -5,8 +5,6 @@ The camera takes these scenes again, and both sets are looked at in the same reg
 that the content of the pictures is the same on both sides.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +15,6 @@ import torch
 from scipy import ndimage, stats
 from torch import Tensor
 
-from visaug.augment.light import linear_to_srgb, srgb_to_linear
 from visaug.camera import Camera
 from visaug.camera.chain import PAPER_ORDER
 from visaug.core.sampling import Stream, derive_key
@@ -25,17 +22,13 @@ from visaug.effects import Effect, Stage
 from visaug.frames import FrameRecord, FrameSet
 from visaug.frames.stores import MemoryStore
 from visaug.pictures.regions import dark_residuals, lit_residuals
-from visaug.pictures.scenes import Scenes, scenes_of
+from visaug.pictures.scenes import Scenes, decoded, encoded, scenes_of
 from visaug.pictures.symmetry import STATISTICS, Sums, symmetry_sums
 from visaug.statistics import OF_PICTURES, Fingerprint, View, fingerprint, fingerprint_values
 from visaug.statistics.split import CONFIRM, FIND, WHOLE, Folds, share_out
 from visaug.statistics.subsample import Selection
 
-TOGETHER = 300_000  # pixels that go through the chain at a time
 PLACE = "regions of pictures"
-SLOW = 8.0  # px: standard deviation of a Gaussian; shading is slower, blur is faster
-GIVEN, OWN_SEED = 8, 2**40  # takes by the camera file that tell its symmetries, and the first of their seeds
-IS_FALLOFF = np.array([statistic.view == "falloff" for statistic in STATISTICS])
 
 
 class _Residuals(MemoryStore):
@@ -142,10 +135,11 @@ class PicturePart:
         given = np.zeros_like(own) if self.given is None else self.given.of(chosen).ratio
         return self._as_normal(own - given + by_chance, chosen)
 
-    def compared_with(self, camera: Camera) -> PicturePart:
+    def compared_with(self, camera: Camera) -> "PicturePart":
         """The same, with the symmetries as the camera file takes these scenes: simulations differ from these by effects alone."""
         every = self._chosen(WHOLE)
-        sums = [self._behind_the_lens(*self._taken(camera, OWN_SEED + k, every), every) for k in range(GIVEN)]
+        seeds = range(2**40, 2**40 + 8)  # of takes that no simulated set has
+        sums = [self._behind_the_lens(*self._taken(camera, seed, every), every) for seed in seeds]
         above, below = (np.sum([getattr(s, part) for s in sums], axis=0) for part in ("above", "below"))
         return replace(self, given=Sums(above, below))
 
@@ -154,11 +148,10 @@ class PicturePart:
         sums = self._symmetry(pictures, chosen)
         if shaded is None:
             return sums
-        lens = self._symmetry(shaded, chosen)
-        above, below = (
-            np.where(IS_FALLOFF, a, b) for a, b in ((lens.above, sums.above), (lens.below, sums.below))
+        lens, is_falloff = self._symmetry(shaded, chosen), [s.view == "falloff" for s in STATISTICS]
+        return Sums(
+            np.where(is_falloff, lens.above, sums.above), np.where(is_falloff, lens.below, sums.below)
         )
-        return Sums(above, below)
 
     def _error(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(statistics,) standard error of the symmetries less their expectation, and its degrees of freedom (Welch 1947)."""
@@ -178,10 +171,8 @@ class PicturePart:
 
     def _symmetry(self, pictures: np.ndarray, chosen: np.ndarray) -> Sums:
         s = self.scenes
-        corner = (s.window[0], s.window[2])
-        return symmetry_sums(
-            pictures, s.regions.lit[chosen] >= 0, s.black, s.saturated, corner, self.resolution
-        )
+        lit, corner = s.regions.lit[chosen] >= 0, (s.window[0], s.window[2])
+        return symmetry_sums(pictures, lit, s.black, s.saturated, corner, self.resolution)
 
     def _frames(self, pictures: np.ndarray, chosen: np.ndarray) -> FrameSet:
         regions = self.scenes.regions.of(chosen).without_saturated(pictures, self.scenes.saturated)
@@ -192,18 +183,10 @@ class PicturePart:
         for level, stack in zip(regions.levels, lit_residuals(pictures, regions), strict=True):
             stacks.append(("flat", float(f"{level - self.scenes.black:.3g}"), stack))
         records, frames = [], []
+        shared = {"exposure_s": self.exposure_s, "window": self.scenes.window}
         for kind, light, stack in stacks:
             for n, frame in zip(chosen, stack, strict=True):
-                records.append(
-                    FrameRecord(
-                        len(records),
-                        f"{names[n]}",
-                        kind,
-                        self.exposure_s,
-                        photons=light,
-                        window=self.scenes.window,
-                    )
-                )
+                records.append(FrameRecord(len(records), f"{names[n]}", kind, photons=light, **shared))
                 frames.append(frame * np.float32(self.dn))
         return FrameSet(records, _Residuals(records, frames, {}, None))
 
@@ -218,7 +201,7 @@ class PicturePart:
         r0, r1, c0, c1 = s.window
         maps: dict = {}
         taken, shaded = [], []
-        step = max(1, TOGETHER // ((r1 - r0) * (c1 - c0)))
+        step = max(1, 300_000 // ((r1 - r0) * (c1 - c0)))  # pixels that go through the chain at a time
         for first in range(0, len(chosen), step):
             numbers = chosen[first : first + step]
             keys = [derive_key(seed, "frame", int(n)) for n in numbers]
@@ -236,14 +219,14 @@ class PicturePart:
         """(B, H, W) in [0, 1]."""
         top = 2**camera.bit_depth - 1
         dn = camera.expose(light * _white(camera), stream, resolution=self.resolution)
-        picture = linear_to_srgb(dn / top) if self.scenes.transfer == "srgb" else dn / top
+        picture = encoded(dn / top, self.scenes.transfer)
         picture = camera.finish(picture, stream) if camera.finishes else picture
         return picture[:, 0].clamp(0, 1)
 
     def _before_the_lens(
         self, camera: Camera, light: Tensor, stream: Stream
     ) -> tuple[Tensor, np.ndarray | None]:
-        """Light of which the camera's optics makes the scenes' levels, but for what is finer than `SLOW`, and the scenes behind it.
+        """Light of which the camera's optics makes the scenes' levels, but for what is finer than shading, and the scenes behind.
 
         A picture shows its scene behind the lens; its noise goes by the levels that it has. Without optics: the light, None.
         """
@@ -260,19 +243,17 @@ class PicturePart:
         if not seen:
             return light, None
         passed = seen[-1]
+        # Shading is slower than a Gaussian of 8 px, blur is faster. No light is raised or lowered by more than a factor of 4.
         slow = [
-            torch.from_numpy(ndimage.gaussian_filter(x.numpy(), (0, 0, SLOW, SLOW))) for x in (light, passed)
+            torch.from_numpy(ndimage.gaussian_filter(x.numpy(), (0, 0, 8.0, 8.0))) for x in (light, passed)
         ]
-        strongest = 4.0  # by which light is raised or lowered to come to a scene's level
-        through = (slow[0] / slow[1].clamp_min(1e-6)).clamp(1 / strongest, strongest)
+        through = (slow[0] / slow[1].clamp_min(1e-6)).clamp(1 / 4.0, 4.0)
         s = self.scenes
-        dark = torch.tensor(s.black / 255)
-        dark = srgb_to_linear(dark) if s.transfer == "srgb" else dark
-        level = dark + (1 - dark) * passed
-        level = linear_to_srgb(level) if s.transfer == "srgb" else level
+        dark = decoded(torch.tensor(s.black / 255), s.transfer)
+        level = encoded(dark + (1 - dark) * passed, s.transfer)
         return light * through, (255 * level[:, 0]).numpy()
 
-    def without_pixels(self) -> PicturePart:
+    def without_pixels(self) -> "PicturePart":
         """The same for simulations alone."""
         return replace(self, pictures=np.zeros((0, 0, 0), np.float32))
 

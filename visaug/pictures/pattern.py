@@ -6,17 +6,13 @@ different pictures has the pattern's variance as its expectation, whatever the n
 row of blocks that of the row noise.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from visaug.pictures.blocks import LINE, NOISE, Levels, Rounding, blocks_of, is_flat
+from visaug.pictures.blocks import EDGE, LINE, NOISE, Levels, Rounding, blocks_of, is_flat
 from visaug.pictures.curve import Sky, VarianceLaw
 from visaug.pictures.files import PictureSet
-
-_LIT = 10.0  # light, in 1/255 of full scale, from which a place tells of its response
 
 
 @dataclass(frozen=True)
@@ -31,12 +27,10 @@ class VariancePart:
         """Above zero at a false-alarm rate of about 1 in 1000."""
         return self.variance > 3.1 * self.error
 
-    def minus(self, other: VariancePart | None) -> VariancePart:
-        return (
-            self
-            if other is None
-            else VariancePart(self.variance - other.variance, float(np.hypot(self.error, other.error)))
-        )
+    def minus(self, other: "VariancePart | None") -> "VariancePart":
+        if other is None:
+            return self
+        return VariancePart(self.variance - other.variance, float(np.hypot(self.error, other.error)))
 
 
 @dataclass
@@ -68,9 +62,7 @@ class _Halves:
         if not a.ndim or not b.ndim:
             return None
         seen = (a > 0) & (b > 0)
-        first, second = (
-            np.asarray(s)[seen] / w[seen][:, None] for s, w in zip(self.sums, (a, b), strict=True)
-        )
+        first, second = (np.asarray(s)[seen] / w[seen][:, None] for s, w in zip(self.sums, (a, b)))
         return _mean_product((first * second).mean(1), a[seen], b[seen])
 
     def line_covariance(self) -> VariancePart | None:
@@ -111,7 +103,7 @@ def recurring(
         noise = linear[..., NOISE & usable]
         if noise.shape[-1]:
             plain.add(n % 2, noise, dark.astype(float), x)
-            lit.add(n % 2, noise, np.where(flat & (x > _LIT), x, 0.0), x)
+            lit.add(n % 2, noise, np.where(flat & (x > 10.0), x, 0.0), x)  # brighter ones tell their response
         for axis, kept in lines.items():
             kept.add(n % 2, linear, dark, axis, usable)
     found = Pattern()
@@ -147,22 +139,18 @@ def _dark_and_response(plain: _Places, lit: _Places) -> tuple[VariancePart | Non
     if first is None:
         return None, None
     value, offset, light = first
-    dark = 4.0  # squared light below which a response adds nothing to offsets
     if second is None or second[2] <= 0:
-        return (
-            (VariancePart(value.variance / offset, value.error / offset), None)
-            if light < dark * offset
-            else (None, None)
-        )
+        if not light < 4.0 * offset:  # squared light below which a response adds nothing to offsets
+            return None, None
+        return VariancePart(value.variance / offset, value.error / offset), None
     shares = np.array([[offset, light], second[1:]])
     if abs(np.linalg.det(shares)) < 0.05 * offset * second[2]:
         return None, None  # one level only: the two cannot be parted
     inverse = np.linalg.inv(shares)
     variance = inverse @ [value.variance, second[0].variance]
     error = np.sqrt(inverse**2 @ [value.error**2, second[0].error ** 2])
-    return VariancePart(float(variance[0]), float(error[0])), VariancePart(
-        float(variance[1]), float(error[1])
-    )
+    dark, response = (VariancePart(float(v), float(e)) for v, e in zip(variance, error))
+    return dark, response
 
 
 def _usable(pictures: PictureSet, levels: Levels, sky: Sky | None) -> np.ndarray:
@@ -187,9 +175,8 @@ class _Lines:
             linear, flat, usable = linear.transpose(1, 0, 3, 2), flat.T, usable.T
         line = linear[..., 0]  # (R, C, 8): vertical frequencies
         low = (line[..., 1:4] ** 2).mean(-1)
-        edge = 8.0  # low coefficients of a line above this many medians are an edge of the scene
         if flat.any():
-            flat = flat & (low < edge * np.median(low[flat]))
+            flat = flat & (low < EDGE * np.median(low[flat]))
         values = line[..., LINE & usable[:, 0]] * flat[..., None]
         if not values.shape[-1]:
             return

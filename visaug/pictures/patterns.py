@@ -1,12 +1,11 @@
 """What a camera's pictures tell beside the noise curve: patterns, row and column noise, JPEG and the spectrum of the noise."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
+from visaug.core.intervals import Interval
 from visaug.pictures.blocks import NOISE, Blocks, Levels, Rounding, U, V, is_flat
 from visaug.pictures.curve import Sky
 from visaug.pictures.files import PictureSet, quality_of
@@ -15,11 +14,9 @@ from visaug.pictures.readings import Reading
 from visaug.pictures.texture import Texture
 from visaug.statistics.findings import Findings
 
-SOURCE = "pictures"
-
 
 def add(found: Findings, name: str, interval: Sequence[float], unit: str, assumes: str = "") -> None:
-    found.add(name, interval, unit, SOURCE, assumes=assumes)
+    found.add(name, interval, unit, "pictures", assumes=assumes)
 
 
 def add_patterns(
@@ -33,13 +30,8 @@ def add_patterns(
             found.miss(name, needs)
             return
         interval = _with_gain(_root(value, per_unit), best.gain)
-        add(
-            found,
-            name,
-            interval,
-            "e-",
-            f"{where}; white from line to line" if name != "dsnu.pixel_e" else where,
-        )
+        assumes = where if name == "dsnu.pixel_e" else f"{where}; white from line to line"
+        add(found, name, interval, "e-", assumes)
         if effect and value.found:
             found.effects.append({"name": effect, "sigma_e": float(f"{interval[0]:.4g}")})
 
@@ -57,14 +49,11 @@ def add_patterns(
     if pattern.prnu is None:
         found.miss("prnu.pixel", "pictures that are lit at the same places")
     else:
-        add(
-            found, "prnu.pixel", _root(pattern.prnu, 1.0), "1", "lit flat regions, the dark pattern taken off"
-        )
+        assumes = "lit flat regions, the dark pattern taken off"
+        add(found, "prnu.pixel", _root(pattern.prnu, 1.0), "1", assumes)
 
 
-def _with_gain(
-    interval: tuple[float, float, float], gain: tuple[float, float, float]
-) -> tuple[float, float, float]:
+def _with_gain(interval: Interval, gain: Interval) -> Interval:
     """The interval of a figure in electrons, with the error of the gain that made them of DN."""
     value, low, high = interval
     if value == 0:
@@ -74,7 +63,7 @@ def _with_gain(
     return value, value * math.exp(-down), value * math.exp(up)
 
 
-def _root(part: VariancePart, factor: float) -> tuple[float, float, float]:
+def _root(part: VariancePart, factor: float) -> Interval:
     """Standard deviation with its interval; 0 where it is not found, and then up to what a variance of 0 or more allows."""
     value = math.sqrt(max(part.variance, 0.0)) * factor
     low = math.sqrt(max(part.variance - 1.96 * part.error, 0.0)) * factor
@@ -104,15 +93,9 @@ def add_processing(
     if coarse <= 0:
         return
     ratio = fine / coarse
-    count = coefficients.shape[0] * 10
-    error = 2.3 * ratio * math.sqrt(2 / count)
-    add(
-        found,
-        "image.noise_fine_to_coarse",
-        (ratio, ratio - 1.96 * error, ratio + 1.96 * error),
-        "1",
-        "1 where noise is white",
-    )
+    error = 2.3 * ratio * math.sqrt(2 / (coefficients.shape[0] * 10))
+    interval = ratio, ratio - 1.96 * error, ratio + 1.96 * error
+    add(found, "image.noise_fine_to_coarse", interval, "1", "1 where noise is white")
     allowed = 0.1 + texture.excess(2)[commonest]  # texture that is left makes coarse noise stronger
     if abs(ratio - 1) > max(allowed, 4 * error):
         found.warn(

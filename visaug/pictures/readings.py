@@ -1,14 +1,12 @@
 """Gain, read noise and black level from the noise curve of pictures, under each tone curve that it allows."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from visaug.core.intervals import t_quantile
+from visaug.core.intervals import Interval, t_quantile
 from visaug.pictures.blocks import Levels, Rounding
 from visaug.pictures.curve import TONES, Sky, VarianceLaw, fit
 from visaug.pictures.files import PictureSet
@@ -18,8 +16,6 @@ from visaug.pictures.texture import Texture
 
 _SAME = 5.41  # chi-square of 1 degree of freedom at 2 %
 _SURE = 1.96  # standard errors of a 95 % interval
-
-Interval = tuple[float, float, float]
 
 
 @dataclass(frozen=True)

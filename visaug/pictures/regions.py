@@ -6,16 +6,15 @@ choice does to a statistic, it does to both. Lit blocks are chosen by low coeffi
 which in white noise are independent of the choice.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+from scipy import fft, ndimage
 
 from visaug.core.constants import MAD
 from visaug.pictures.blocks import (
     CHOICE,
+    EDGE,
     NOISE,
     SIDE,
     Blocks,
@@ -29,12 +28,8 @@ from visaug.pictures.blocks import (
     noise_by_level,
 )
 
-SMOOTH = 2.5  # blocks: standard deviation of the Gaussian that takes stray light off the sky
 _FAR = 4.0  # robust standard deviations of the sky's blocks
 _MOST_DN = 15.0  # of the sky's spread: more is no sky
-_AGREE = 0.3  # of the pictures that show sky at a place
-_STRUCTURE = 1.5  # low coefficients of a sky exceed high ones by no more than this
-_CLASSES = 3  # of lit blocks, by level
 KEPT = U + V > 4  # coefficients that the choice does not look at
 
 
@@ -54,11 +49,11 @@ class Regions:
     levels: tuple[float, ...]
     sky: float | None
 
-    def of(self, numbers: np.ndarray) -> Regions:
+    def of(self, numbers: np.ndarray) -> "Regions":
         """Of some of the pictures."""
         return Regions(self.dark[numbers], self.lit[numbers], self.levels, self.sky)
 
-    def without_saturated(self, pictures: np.ndarray, saturated: float) -> Regions:
+    def without_saturated(self, pictures: np.ndarray, saturated: float) -> "Regions":
         """Away from saturated pixels: what spills out of them is no noise of a flat region."""
         near = np.asarray(
             ndimage.binary_dilation(cut(pictures).max((2, 4)) >= saturated, np.ones((1, 3, 3), bool)), bool
@@ -80,13 +75,11 @@ def find_regions(
     coefficients, level, usable = (np.stack(part) for part in zip(*parts, strict=True))
     usable &= cut(pictures).max((2, 4)) < saturated
     sky, spread = _sky(coefficients, level)
-    lit_share = 0.01  # of all blocks: where fewer are brighter than the rest, all pictures are of one level
     if sky is not None and (black is None or sky > black + _MOST_DN):
-        lit = np.mean(level > sky + _FAR * spread) >= lit_share  # pictures of one level may be of any
-        sky = sky if lit else None
-    around = np.ones((1, 3, 3), bool)
+        # Where fewer blocks are brighter than the rest, all pictures are of one level, which may be any.
+        sky = sky if np.mean(level > sky + _FAR * spread) >= 0.01 else None
     near = level < (_level_at(level, sky, spread) + _FAR * spread if sky is not None else -np.inf)
-    dark = ndimage.binary_erosion(near, around, border_value=1)
+    dark = ndimage.binary_erosion(near, np.ones((1, 3, 3), bool), border_value=1)
     lit = usable & ~near & (level > 3 + (sky or 0))
     number = np.broadcast_to(np.arange(len(pictures))[:, None, None], level.shape)
     levels = noise_by_level(
@@ -103,20 +96,18 @@ def _sky(coefficients: np.ndarray, level: np.ndarray) -> tuple[float | None, flo
     """
     flat = level.ravel()
     limit = np.quantile(flat, 0.2)
-    least_dn = 0.5
     for _ in range(20):
         inside = flat[flat <= limit]
         middle = float(np.median(inside))
-        spread = max(MAD * float(np.median(np.abs(inside - middle))), least_dn)
+        spread = max(MAD * float(np.median(np.abs(inside - middle))), 0.5)
         limit, before = middle + _FAR * spread, limit
         if abs(limit - before) < 1e-6:
             break
     dark = level <= limit
-    least_share = 0.05  # of all blocks
-    if dark.mean() < least_share or spread > _MOST_DN:
+    if dark.mean() < 0.05 or spread > _MOST_DN:
         return None, 0.0
     low, high = (float(np.median((coefficients[dark][:, which] ** 2).mean(1))) for which in (CHOICE, NOISE))
-    if high == 0 or low > _STRUCTURE * high + 0.1:  # all of one code, or with structure
+    if high == 0 or low > 1.5 * high + 0.1:  # all of one code, or with structure
         return None, 0.0
     return middle, spread
 
@@ -126,9 +117,10 @@ def _level_at(level: np.ndarray, sky: float, spread: float) -> np.ndarray:
 
     Halves and columns of a sensor may differ by more than the noise; what recurs at a place is no dim part of a scene.
     """
-    least, common = (np.quantile(level, q, axis=0) for q in (0.05, _AGREE))
-    enough = 10  # pictures for that
-    agree = (common - least < _FAR * spread) & (common < sky + _MOST_DN) & (len(level) >= enough)
+    least, common = (
+        np.quantile(level, q, axis=0) for q in (0.05, 0.3)
+    )  # of the pictures that show sky there
+    agree = (common - least < _FAR * spread) & (common < sky + _MOST_DN) & (len(level) >= 10)
     return np.where(agree, common, sky)
 
 
@@ -139,17 +131,15 @@ def _without_structure(
     if not len(levels.level) or not lit.any():
         return np.zeros(lit.shape, bool)
     flat = lit & is_flat(coefficients, levels.variance_at(level), rounding)
-    edge = 8.0  # low coefficients of a line above this many medians are an edge of the scene
     for line in (coefficients[..., 1:4, 0], coefficients[..., 0, 1:4]):
         power = (line**2).mean(-1)
-        flat &= power < edge * np.median(power[flat]) if flat.any() else False
+        flat &= power < EDGE * np.median(power[flat]) if flat.any() else False
     return flat
 
 
 def _by_level(dark: np.ndarray, lit: np.ndarray, level: np.ndarray, sky: float | None) -> Regions:
     classes = np.full(lit.shape, -1)
-    fewest = 40  # blocks of a class
-    count = min(_CLASSES, int(lit.sum()) // fewest)
+    count = min(3, int(lit.sum()) // 40)  # blocks of a class
     levels = []
     if count:
         edges = np.quantile(level[lit], np.linspace(0, 1, count + 1)[1:-1])
@@ -163,7 +153,7 @@ def dark_residuals(pictures: np.ndarray, dark: np.ndarray) -> np.ndarray:
     weight = dark.astype(np.float32)
     total = max(float(weight.sum()), 1.0)
     means = cut(pictures).mean((2, 4), dtype=np.float32) * weight
-    spread = [ndimage.gaussian_filter(x, (0, SMOOTH, SMOOTH), mode="constant") for x in (means, weight)]
+    spread = [ndimage.gaussian_filter(x, (0, 2.5, 2.5), mode="constant") for x in (means, weight)]
     smooth = np.divide(spread[0], spread[1], out=np.zeros_like(means), where=spread[1] > 1e-6)
     left = (pictures - as_pixels(smooth)) * as_pixels(weight)
     return _as_if_everywhere(left, dark) + np.float32(means.sum(dtype=np.float64) / total)
@@ -194,11 +184,8 @@ def _as_if_everywhere(left: np.ndarray, where: np.ndarray) -> np.ndarray:
 
 def _fine() -> np.ndarray:
     """(64, 64) projection of a block on the coefficients that are kept."""
-    from scipy.fft import idctn
-
-    units = np.eye(SIDE * SIDE).reshape(-1, SIDE, SIDE)
-    basis = np.asarray(idctn(units, axes=(1, 2), norm="ortho")).reshape(SIDE * SIDE, -1)
-    kept = basis[KEPT.ravel()]
+    basis = np.asarray(fft.idctn(np.eye(SIDE * SIDE).reshape(-1, SIDE, SIDE), axes=(1, 2), norm="ortho"))
+    kept = basis.reshape(SIDE * SIDE, -1)[KEPT.ravel()]
     return (kept.T @ kept).astype(np.float32)
 
 

@@ -1,17 +1,17 @@
 """The scenes behind ordinary pictures, and the regions in which the pictures are looked at."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from scipy import ndimage
+from torch import Tensor
 
 from visaug.augment.light import linear_to_srgb, srgb_to_linear
 from visaug.camera import Camera
 from visaug.core.errors import InputError, NoSensorNoise
+from visaug.core.wording import counted
 from visaug.frames import FrameSet
 from visaug.pictures.blocks import SIDE, Rounding, noise_by_level, sample
 from visaug.pictures.files import PictureSet, largest_group, quality_of
@@ -20,7 +20,15 @@ from visaug.pictures.sets import is_rendered, no_noise
 from visaug.pictures.symmetry import STATISTICS, Sums, symmetry_sums
 from visaug.statistics.subsample import Selection
 
-SATURATED = 0.97  # of the level at which the camera saturates
+
+def encoded(light: Tensor, transfer: str) -> Tensor:
+    """Picture values of light, both in [0, 1]."""
+    return linear_to_srgb(light) if transfer == "srgb" else light
+
+
+def decoded(values: Tensor, transfer: str) -> Tensor:
+    """Light of picture values."""
+    return srgb_to_linear(values) if transfer == "srgb" else values
 
 
 @dataclass(frozen=True)
@@ -70,13 +78,9 @@ def scenes_of(
         NoSensorNoise: the pictures are renders or screenshots.
     """
     pictures = largest_group(frames, warn)
-    fewest = 6
-    if len(pictures) < fewest:
-        raise InputError(
-            f"only {len(pictures)} picture{'s' * (len(pictures) != 1)} of this size",
-            field="frames",
-            expected=f"at least {fewest} of one size",
-        )
+    if len(pictures) < 6:
+        only = f"only {counted(len(pictures), 'picture')} of this size"
+        raise InputError(only, field="frames", expected="at least 6 of one size")
     if pictures.top_dn >= 2**camera.bit_depth:
         raise InputError(
             f"pictures of {int(pictures.top_dn).bit_length()} bits and a camera of {camera.bit_depth}",
@@ -87,15 +91,13 @@ def scenes_of(
     taken = read_windows(pictures, chosen, window)
     rounding = Rounding(pictures.steps, pictures.is_jpeg)
     _refuse_renders(pictures, chosen, rounding)
-    saturated = SATURATED * _saturation(camera, taken, transfer)
+    saturated = 0.97 * _saturation(camera, taken, transfer)
     stated = _stated_black(camera, transfer)
     regions = find_regions(taken, saturated, rounding, stated)
     if regions.sky is None and not regions.levels:
-        raise InputError(
-            "the pictures hold neither a black sky nor flat regions with noise",
-            field="frames",
-            expected="regions without texture, with noise that neighbours do not share",
-        )
+        problem = "the pictures hold neither a black sky nor flat regions with noise"
+        expected = "regions without texture, with noise that neighbours do not share"
+        raise InputError(problem, field="frames", expected=expected)
     _say_what_lacks(regions, warn)
     rows, columns = frames.shape(pictures.indices[0])
     black = regions.sky if regions.sky is not None else stated
@@ -103,27 +105,19 @@ def scenes_of(
     place = (regions.lit >= 0, black, saturated, (window[0], window[2]), (rows, columns))
     expected = _expected(scenes, camera, transfer, saturated, warn) if scenes is not None else _unknown()
     numbers = tuple(frames.records[pictures.indices[n]].sequence for n in chosen)
-    own = Scenes(
-        _light(unspilled(smooth, saturated), black, saturated, transfer),
-        regions,
-        numbers,
-        window,
-        black,
-        saturated,
-        transfer,
-        pictures.top_dn,
-        round(quality_of(pictures.steps)[0]) if pictures.is_jpeg else None,
-        symmetry_sums(smooth, *place),
-        expected,
-    )
+    light = _light(unspilled(smooth, saturated), black, saturated, transfer)
+    quality = round(quality_of(pictures.steps)[0]) if pictures.is_jpeg else None
+    files = transfer, pictures.top_dn, quality
+    symmetry = symmetry_sums(smooth, *place)
+    own = Scenes(light, regions, numbers, window, black, saturated, *files, symmetry, expected)
     is_whole = window == (0, rows, 0, columns)
     used = tuple(pictures.indices[n] for n in chosen)
     return own, taken, Selection(len(frames), (rows, columns), (0, 0), used, None if is_whole else window)
 
 
 def _refuse_renders(pictures: PictureSet, chosen: np.ndarray, rounding: Rounding) -> None:
-    renders = 12  # pictures that tell whether there is any noise
-    few = replace(pictures, indices=tuple(pictures.indices[n] for n in chosen[:: -(-len(chosen) // renders)]))
+    step = -(-len(chosen) // 12)  # a dozen pictures tell whether there is any noise
+    few = replace(pictures, indices=tuple(pictures.indices[n] for n in chosen[::step]))
     blocks, _ = sample(few, 0)
     if is_rendered(blocks, noise_by_level(blocks, rounding, len(few)), rounding):
         raise NoSensorNoise(f"{no_noise(pictures)}; there is no camera to compare with")
@@ -132,7 +126,7 @@ def _refuse_renders(pictures: PictureSet, chosen: np.ndarray, rounding: Rounding
 def _stated_black(camera: Camera, transfer: str) -> float:
     """Level of no light that the camera's file states, in 1/255 of full scale."""
     share = torch.tensor(camera.spec.black_level_dn / (2**camera.bit_depth - 1))
-    return 255 * float(linear_to_srgb(share) if transfer == "srgb" else share)
+    return 255 * float(encoded(share, transfer))
 
 
 def _say_what_lacks(regions: Regions, warn: Callable[[str], object]) -> None:
@@ -172,20 +166,17 @@ def _saturation(camera: Camera, pictures: np.ndarray, transfer: str) -> float:
     top = 2**camera.bit_depth - 1
     spec = camera.spec
     well = spec.black_level_dn + (spec.full_well_e or np.inf) / spec.gain_e_per_dn
-    share = torch.tensor(min(well / top, 1.0))
-    level = 255 * float(linear_to_srgb(share) if transfer == "srgb" else share)
+    level = 255 * float(encoded(torch.tensor(min(well / top, 1.0)), transfer))
     beyond = np.count_nonzero(pictures > 1.1 * level) > 1e-3 * np.count_nonzero(pictures > 0.9 * level)
     return 255.0 if beyond else level
 
 
 def smooth_scenes(pictures: np.ndarray, regions: Regions) -> np.ndarray:
     """The scenes behind pictures: the sky at its level, flat regions smoothed within themselves, the rest nearly as it is."""
-    rest = 0.7
-    found = ndimage.gaussian_filter(pictures, (0, rest, rest))
+    found = ndimage.gaussian_filter(pictures, (0, 0.7, 0.7))
     flat = as_pixels(regions.lit >= 0)
     weight = flat.astype(np.float32)
-    own = 3.0  # px: standard deviation of the Gaussian that smooths a flat region
-    parts = [ndimage.gaussian_filter(x, (0, own, own)) for x in (pictures * weight, weight)]
+    parts = [ndimage.gaussian_filter(x, (0, 3.0, 3.0)) for x in (pictures * weight, weight)]
     found[flat] = (parts[0] / np.maximum(parts[1], 1e-6))[flat]
     if regions.sky is not None:
         found[as_pixels(regions.dark)] = regions.sky
@@ -195,9 +186,8 @@ def smooth_scenes(pictures: np.ndarray, regions: Regions) -> np.ndarray:
 def unspilled(scenes: np.ndarray, saturated: float) -> np.ndarray:
     """Scenes (n, H, W) whose saturated areas are no longer along columns than along rows.
 
-    Scenes have no preferred axis, so what is longer is charge that spilled, and not light. It is replaced by what lies as far
-    along the rows from the middle of the light. The middle is where an area is widest; areas that a narrower trail joins have
-    one each.
+    Scenes have no preferred axis, so what is longer is charge that spilled, and not light. It is replaced by what lies as far along
+    the rows from the middle of the light. The middle is where an area is widest; areas that a narrower trail joins have one each.
     """
     found = scenes.copy()
     for picture, scene in zip(scenes, found, strict=True):
@@ -240,12 +230,10 @@ def _labelled(mask: np.ndarray) -> tuple[np.ndarray, int]:
 
 def _light(smooth: np.ndarray, black: float, saturated: float, transfer: str) -> np.ndarray:
     share = torch.from_numpy(np.append(smooth.ravel(), np.float32(black)) / 255)
-    linear = (srgb_to_linear(share) if transfer == "srgb" else share).numpy()
-    light = (linear[:-1] - linear[-1]).clip(0) / (1 - linear[-1])
-    light = light.reshape(smooth.shape)
+    linear = decoded(share, transfer).numpy()
+    light = ((linear[:-1] - linear[-1]).clip(0) / (1 - linear[-1])).reshape(smooth.shape)
     # light of a saturated pixel over what saturates: not known, between 1 and 10 on a logarithmic scale
-    beyond = 10**0.5
-    return np.where(smooth >= saturated, beyond * light, light).astype(np.float32)
+    return np.where(smooth >= saturated, 10**0.5 * light, light).astype(np.float32)
 
 
 def _expected(
@@ -288,5 +276,5 @@ def _taken(light: np.ndarray, camera: Camera, transfer: str) -> tuple[np.ndarray
     electrons = light * (top - spec.black_level_dn) * spec.gain_e_per_dn
     noisy = rng.poisson(electrons) + rng.normal(0, spec.read_noise.sigma_e, light.shape)
     share = torch.from_numpy((noisy / spec.gain_e_per_dn + spec.black_level_dn).clip(0, top) / top)
-    pictures = linear_to_srgb(share) if transfer == "srgb" else share
-    return np.rint(255 * pictures.numpy()).astype(np.float32), _stated_black(camera, transfer)
+    pictures = np.rint(255 * encoded(share, transfer).numpy()).astype(np.float32)
+    return pictures, _stated_black(camera, transfer)

@@ -1,7 +1,5 @@
 """What a set of pictures has in common: its black sky; and the spread of a figure from picture to picture."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 
@@ -12,9 +10,6 @@ from visaug.pictures.curve import Sky
 from visaug.pictures.files import PictureSet
 
 _ONLY_ROUNDING_DN2 = 0.12  # a code's rounding alone gives 1/12
-# times what JPEG rounds away: the least variance that can be found, which all smaller ones give
-_ONLY_ROUNDING = 1.01
-_DARKER = 0.05  # blocks below the sky's reach over those within: dead lines are few, and nothing is darker than no light
 
 
 def jackknife(
@@ -38,13 +33,11 @@ def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
     may be any level.
     Offsets of rows and columns spread the levels of its blocks. Those below its level hold no light and give the spread.
     """
-    sky_step_dn = 0.25
-    steps = np.arange(0.0, blocks.level.max(initial=0.0) + sky_step_dn, sky_step_dn)
+    steps = np.arange(0.0, blocks.level.max(initial=0.0) + 0.25, 0.25)
     ordered = np.sort(blocks.level)
     sky_dn = 2.0
     inside = np.searchsorted(ordered, steps + sky_dn) - np.searchsorted(ordered, steps - sky_dn)
-    sky_share = 0.1
-    enough = inside >= max(sky_share * len(ordered), 1)
+    enough = inside >= max(0.1 * len(ordered), 1)
     if not enough.any():
         return None
     first = int(np.argmax(enough))
@@ -54,15 +47,15 @@ def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
     if levels.structure[np.argmin(np.abs(levels.level - dark))] > 0.1:
         return None
     below = dark - ordered[ordered < dark]
-    normal_quartile = 0.6745
-    spread = float(np.median(below)) / normal_quartile if len(below) else 0.0
+    spread = float(np.median(below)) / 0.6745 if len(below) else 0.0  # the normal quartile
     reach = Sky(dark, 0.0, spread).reach
     within, beyond = (
         np.count_nonzero((ordered > dark + k * reach) & (ordered <= dark + (k + 1) * reach)) for k in (0, 1)
     )
     darker = np.count_nonzero(ordered < dark - reach)
-    tail = 0.25  # blocks just above the sky's reach over those within: a surface of changing brightness has about as many
-    if beyond > tail * within or darker > _DARKER * within or not np.any(ordered > dark + reach):
+    # A surface of changing brightness has about as many blocks just above the sky's reach as within, here a quarter of them at
+    # most. Dead lines are few, and nothing is darker than no light.
+    if beyond > 0.25 * within or darker > 0.05 * within or not np.any(ordered > dark + reach):
         return None
     near = np.abs(blocks.level - dark) < reach
     seen = np.unique(blocks.picture[near])
@@ -96,11 +89,9 @@ def is_rendered(blocks: Blocks, levels: Levels, rounding: Rounding) -> bool:
 
 def rounded_away(levels: Levels, rounding: Rounding) -> np.ndarray:
     """(levels,) whether JPEG has rounded the noise away, so that its variance is known from above alone; False without JPEG."""
-    return (
-        levels.variance < _ONLY_ROUNDING * rounding.least
-        if rounding.is_jpeg
-        else np.zeros(len(levels.level), bool)
-    )
+    if not rounding.is_jpeg:
+        return np.zeros(len(levels.level), bool)
+    return levels.variance < 1.01 * rounding.least  # the least that can be found, which all smaller ones give
 
 
 def no_noise(pictures: PictureSet) -> str:

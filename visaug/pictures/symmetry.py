@@ -6,8 +6,6 @@ areas it is zero on the average. Whether surfaces darken outwards is a matter of
 that other pictures with such scenes are needed for an expectation.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,16 +22,11 @@ STATISTICS = (
     Statistic("falloff", "loss in the corner, outer field", "lit regions", ("smooth",), "fraction", "flat"),
     *(
         Statistic(
-            "saturated_areas",
-            f"along columns less along rows, {lag} px on",
-            "saturated regions",
-            ("column",),
-            "share",
-            "scene",
+            "saturated_areas", f"along columns less along rows, {lag} px on", "saturated regions", ("column",), "share", "scene"
         )
         for lag in _LAGS
     ),
-)
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -43,7 +36,7 @@ class Sums:
     above: np.ndarray
     below: np.ndarray
 
-    def of(self, pictures: np.ndarray) -> Sums:
+    def of(self, pictures: np.ndarray) -> "Sums":
         return Sums(self.above[pictures], self.below[pictures])
 
     @property
@@ -69,9 +62,8 @@ class Sums:
         A sum of squares d^2 has at most the variance of the sum of d^4: few pictures with large weights tell an error badly.
         """
         fourth = (self.deviations**4).sum(0)
-        return np.maximum(
-            np.divide(2 * self.variance**2, fourth, out=np.ones_like(fourth), where=fourth > 0), 1.0
-        )
+        degrees = np.divide(2 * self.variance**2, fourth, out=np.ones_like(fourth), where=fourth > 0)
+        return np.maximum(degrees, 1.0)
 
     @property
     def deviations(self) -> np.ndarray:
@@ -101,14 +93,10 @@ def _falloff(pictures: np.ndarray, flat: np.ndarray, black: float, corner: tuple
     """Loss of light in the corner from the slope of shading along the radius: V = 1 - a (r / corner)^2 has slope -2 a r."""
     blocks = cut(pictures)
     light = np.maximum(blocks.mean((2, 4)) - black, 1.0)
-    steepest = 0.03  # relative change per pixel that still counts as shading
+    # Relative change per pixel, of which 3 % still count as shading.
     slopes = [
-        np.clip(
-            np.tensordot(blocks.sum(axis), _RAMP, ([2 if axis == 4 else 3], [0])) / light,
-            -steepest,
-            steepest,
-        )
-        for axis in (4, 2)
+        np.clip(np.tensordot(blocks.sum(summed), _RAMP, ([side], [0])) / light, -0.03, 0.03)
+        for summed, side in ((4, 2), (2, 3))
     ]
     half = np.hypot(*size) / 2
     y, x = (
@@ -116,22 +104,17 @@ def _falloff(pictures: np.ndarray, flat: np.ndarray, black: float, corner: tuple
     )
     along = -(slopes[0] * y[:, None] + slopes[1] * x[None, :]) * half / 2
     square = y[:, None] ** 2 + x[None, :] ** 2
-    above, below = [], []
-    for part in (square < 0.3, square >= 0.3):
-        here = flat & part
-        above.append((along * here).sum((1, 2)))
-        below.append((square * here).sum((1, 2)))
-    return np.stack(above, 1), np.stack(below, 1)
+    parts = [flat & part for part in (square < 0.3, square >= 0.3)]
+    above, below = (np.stack([(of * here).sum((1, 2)) for here in parts], 1) for of in (along, square))
+    return above, below
 
 
 def area_sums(full: np.ndarray):
     """Pixels of saturated areas that still are in one some pixels on, along columns less along rows, over all of them."""
     above = []
     for lag in _LAGS:
-        column = np.count_nonzero(full[:, lag:] & full[:, :-lag], axis=(1, 2)) if lag < full.shape[1] else 0
-        row = (
-            np.count_nonzero(full[:, :, lag:] & full[:, :, :-lag], axis=(1, 2)) if lag < full.shape[2] else 0
-        )
+        column = np.count_nonzero(full[:, lag:] & full[:, : max(full.shape[1] - lag, 0)], axis=(1, 2))
+        row = np.count_nonzero(full[:, :, lag:] & full[:, :, : max(full.shape[2] - lag, 0)], axis=(1, 2))
         above.append(np.asarray(column - row, float))
     count = np.count_nonzero(full, axis=(1, 2)).astype(float)
     return np.stack(above, 1), np.repeat(count[:, None], len(_LAGS), 1)

@@ -6,8 +6,6 @@ J. Amer. Statist. Assoc. 73 (1978) 805). What t is to be expected of a block fol
 coefficients grow with that expectation, over all levels. Where t is 0 there is noise alone.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,8 +53,7 @@ def texture_in(blocks: Blocks, levels: Levels, rounding: Rounding, dark: float =
     noise = levels.variance[lit].copy()
     share, error = 0.0, 0.0
     expected: list[np.ndarray] = []
-    rounds = 4
-    for _ in range(rounds):
+    for _ in range(4):
         expected = [_expected(x, v, kernel) for x, v in zip(low, noise, strict=True)]
         groups = [g for j, t in enumerate(expected) for g in _groups(j, t, sums[j], rounding)]
         if not groups:
@@ -98,8 +95,7 @@ def _expected(low: np.ndarray, noise: float, kernel: np.ndarray) -> np.ndarray:
     seen = count > 0
     rows, count = rows[:, seen], count[seen]
     weight = np.full(len(rows), 1 / len(rows))
-    steps = 150  # of the likelihood's maximization
-    for _ in range(steps):
+    for _ in range(150):  # of the likelihood's maximization
         weight *= rows @ (count / (weight @ rows)) / count.sum()
     of_bin = np.zeros(len(seen))
     of_bin[seen] = (weight * texture) @ rows / (weight @ rows)
@@ -110,11 +106,9 @@ def _groups(
     number: int, texture: np.ndarray, sums: np.ndarray, rounding: Rounding
 ) -> list[tuple[int, float, float, int]]:
     """Number of the level, mean texture, variance of the high coefficients and number of blocks of groups of like texture."""
-    most = 4.0  # power of texture over that of noise; blocks beyond hold edges, whose spectrum is another
-    chosen = np.flatnonzero(texture < most)
+    chosen = np.flatnonzero(texture < 4.0)  # blocks beyond hold edges, whose spectrum is another
     chosen = chosen[np.argsort(texture[chosen], kind="stable")]
-    groups = 6  # of the blocks of a level, by texture
-    parts = np.array_split(chosen, max(min(groups, len(chosen) // 8), 1))
+    parts = np.array_split(chosen, max(min(6, len(chosen) // 8), 1))
     counts = rounding.counts()
     return [
         (number, float(texture[p].mean()), rounding.variance(sums[p].sum(0), counts * len(p)), len(p))

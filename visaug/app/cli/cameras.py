@@ -49,7 +49,7 @@ def cameras(words: tuple[str, ...], output: Path | None, force: bool, seed: int)
 
 def _list() -> None:
     from visaug.camera import Camera, shipped
-    from visaug.camera.own import own_cameras
+    from visaug.camera.camera import own_cameras
 
     rows, broken = [], []
     for place, names in (("package", shipped()), ("yours", own_cameras())):

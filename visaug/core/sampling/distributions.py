@@ -35,9 +35,8 @@ def tukey_lambda(bits: Tensor, shape: Tensor) -> Tensor:
 def poisson(mean: Tensor, bits: Tensor) -> Tensor:
     """Poisson count by its quantile function, float32, in the shape of `mean`.
 
-    A mean above MOST_MEAN counts as that.
-    Below small_mean the distribution function is summed. Above it, the expansion Q_N2 of M. Giles, "Approximation of the
-    inverse Poisson cumulative distribution function", ACM TOMS 42 (2016) 7, eq. 2.8, rounded down.
+    A mean above MOST_MEAN counts as that. Below small_mean the distribution function is summed. Above it, the expansion Q_N2 of M.
+    Giles, "Approximation of the inverse Poisson cumulative distribution function", ACM TOMS 42 (2016) 7, eq. 2.8, rounded down.
     """
     rate = mean.double().clamp(0, MOST_MEAN)
     p, side = tail(bits)

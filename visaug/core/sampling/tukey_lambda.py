@@ -5,8 +5,6 @@ With scale 1 the quantile function is Q(u) = (u^L - (1 - u)^L) / L. The distribu
 Source: Joiner and Rosenblatt, J. Am. Stat. Assoc. 66 (1971) 394.
 """
 
-from __future__ import annotations
-
 import math
 from typing import overload
 
