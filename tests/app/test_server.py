@@ -474,6 +474,12 @@ def test_row_noise_added_by_hand_is_fitted_and_lowers_the_error(bench):
     assert session.camera is bench.given
     assert session.add("row_noise").error == tried.error
     assert "row_noise" in session.camera.effect_names
+    with pytest.raises(InputError, match="row_noise cannot be added"):
+        session.add("row_noise")
+    fitted = session.camera
+    assert session.set_numbers({"read_noise.sigma_e": 5.0}, quick=True).camera is session.camera
+    assert session.refit().camera.values() == fitted.values()
+    assert [step.action for step in session.now.steps] == ["refit", "add row_noise"]
     assert session.remove("row_noise").camera is bench.given
     with pytest.raises(InputError, match="camera has no smear"):
         session.remove("smear")

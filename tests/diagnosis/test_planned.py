@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from visaug.camera import Camera
+from visaug.camera.simulation import simulate
 from visaug.core.errors import InputError
 from visaug.diagnosis import planned
 from visaug.diagnosis.candidates.trials import trials
+from visaug.diagnosis.comparison import compare
 
 
 def test_lines_of_noise_are_shown_by_the_cheapest_frames(stated: Camera, monkeypatch):
@@ -23,6 +25,27 @@ def test_lines_of_noise_are_shown_by_the_cheapest_frames(stated: Camera, monkeyp
         assert verdict.frames == (planned.WORDS["bias"],)
         assert verdict.limit is not None
         assert 0.02 * read_e < verdict.limit < read_e
+
+
+def test_sets_with_an_effect_beyond_its_limit_show_it(stated: Camera, monkeypatch):
+    """At 1.5 times the limit the test of the camera (2 % of false alarms) shows each of three sets, one fixed seed each."""
+    monkeypatch.setattr(planned, "WINDOW", (32, 40))
+    wanted = ("row_noise", "dead_pixels", "bit_truncation")
+    few = [trial for trial in trials(stated) if trial.effect in wanted]
+    monkeypatch.setattr(planned, "trials", lambda camera, only: few)
+    rows, dead, bits = planned.before_frames(stated, wanted, lambda *_: None)
+    assert bits.limit in (1, 2, 3)  # a camera has whole bits
+    assert dead.limit is not None
+    assert dead.limit >= 2.99 / (32 * 40)  # so many are in a set with 95 %
+    assert rows.limit is not None
+    plan = planned.Planned(stated, lambda *_: None).lab.parts[0].plan
+    for seed in (1, 2, 3):
+        for camera in (
+            stated.with_effect("row_noise", sigma_e=1.5 * rows.limit),
+            stated.with_effect("dead_pixels", density=1.5 * dead.limit),
+            stated.with_effect("bit_truncation", bits=bits.limit),
+        ):
+            assert not compare(stated, simulate(camera, plan, seed=seed)).adequate
 
 
 def test_an_effect_that_the_camera_has_is_refused(stated: Camera):

@@ -24,6 +24,10 @@ from visaug.frames.plan import default_plan
 from visaug.statistics import Statistic, fingerprint
 
 SETS = 6  # simulated sets of a camera
+NULL_SETS = 24  # of the camera itself, for the scatter that a single set must exceed
+POWER = 0.95  # probability with which an effect at its limit is shown
+CLOSE = 1.3  # ratio of strengths that are shown and not shown at which a limit is known
+ROUNDS = 8  # strengths that are simulated for a limit, at most
 SEEN = 3.0  # standard deviations of one set above which two cameras differ; the standard error of a mean of six sets is half of one
 CLEAR = 2 * SEEN  # standard deviations from which an effect is shown
 ALIKE = 0.9  # cosine of the differences by two effects above which these frames do not separate them
@@ -53,10 +57,15 @@ class Planned:
         return Laboratory(_plan(self.camera), self.camera, folds=False)
 
     @cached_property
-    def statistics(self) -> tuple[Statistic, ...]:
+    def example(self) -> FrameSet:
+        """The frames of the plan as the camera would take them."""
         part = self.lab.parts[0]
         assert isinstance(part, MeasuredFrames)  # the plan has no pictures of unknown scenes
-        return fingerprint(simulate(self.camera, part.plan)).statistics
+        return simulate(self.camera, part.plan)
+
+    @cached_property
+    def statistics(self) -> tuple[Statistic, ...]:
+        return fingerprint(self.example).statistics
 
     @cached_property
     def kinds(self) -> np.ndarray:
@@ -76,17 +85,40 @@ class Planned:
         (found,) = differences(self.lab, self.camera, self._free, steps, range(2), [self._sets], self.report)
         return found.mean(1).T
 
+    @cached_property
+    def _null_spread(self) -> np.ndarray:
+        every = self.lab.finding([(self.camera, k) for k in range(NULL_SETS)])
+        return np.maximum(every.std(0, ddof=1), self._least_spread)
+
+    @cached_property
+    def _least_spread(self) -> np.ndarray:
+        return np.maximum([s.least_spread for s in self.statistics], 1e-9)
+
     def apart(self, cameras: Sequence[Camera], count: int = SETS) -> np.ndarray:
         """(cameras, statistics) differences from the camera in standard deviations of one set, after a refit of the camera.
 
         What the camera's parameters mostly take up is simulated again with these moved, see `is_mostly_taken`.
         """
-        found, steps, again = self._differences(cameras, count)
+        return self._apart(cameras, count)[0]
+
+    def shown_by(self, cameras: Sequence[Camera]) -> list[tuple[str, ...]]:
+        """The kinds of frames, the cheapest first, that show what each camera has more.
+
+        In every simulated set some statistic of these frames differs by more than `CLEAR` standard deviations of the camera's
+        own sets: single events must happen in each.
+        """
+        each = np.abs(self._apart(cameras, SETS)[1]) / self._null_spread
+        largest = {kind: each[..., self.kinds == kind].max(-1, initial=0.0).min(-1) for kind in WORDS}
+        return [tuple(kind for kind in WORDS if largest[kind][k] > CLEAR) for k in range(len(cameras))]
+
+    def _apart(self, cameras: Sequence[Camera], count: int) -> tuple[np.ndarray, np.ndarray]:
+        """The differences of `apart`, and those of each set, (cameras, sets, statistics) in the units of the statistics."""
+        found, each, steps, again = self._differences(cameras, count)
         if again.any():
             places = np.flatnonzero(again).tolist()
             there = [self._without_what_is_taken(cameras[k], steps[k]) for k in places]
-            found[places], *_ = self._differences(there, count)
-        return found
+            found[places], each[places], *_ = self._differences(there, count)
+        return found, each
 
     def _without_what_is_taken(self, camera: Camera, steps: np.ndarray) -> Camera:
         """A camera with its parameters moved back by the steps of a refit; those of an effect that it does not have stay out."""
@@ -95,22 +127,23 @@ class Planned:
 
     def _differences(
         self, cameras: Sequence[Camera], count: int
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """See `apart`; with the steps of the camera's parameters, and whether these take up most."""
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """See `_apart`; with the steps of the camera's parameters, and whether these take up most."""
         label, jobs = "frames that would show it", [(one, k) for one in cameras for k in range(count)]
         sets = self.lab.finding(jobs, lambda n: self.report(label, n, len(jobs)))
         own, priors = self._sets, np.array([c.prior for c in self._free])
-        least = np.maximum([s.least_spread for s in self.statistics], 1e-9)
-        found, steps, again = [], [], []
+        found, each, steps, again = [], [], [], []
         for others in sets.reshape(len(cameras), count, -1):
-            spread = np.maximum(np.sqrt((own.var(0, ddof=1) + others.var(0, ddof=1)) / 2), least)
-            differ = others.mean(0) - own[:count].mean(0)
-            (step,) = adjust(differ[None], self._slopes, spread, priors)
+            spread = np.maximum(np.sqrt((own.var(0, ddof=1) + others.var(0, ddof=1)) / 2), self._least_spread)
+            moves = others - own[:count]
+            differ = moves.mean(0)
+            step, *own_steps = adjust(np.vstack([differ, moves]), self._slopes, spread, priors)
             taken = self._slopes @ step
             found.append((differ - taken) / spread)
+            each.append(moves - own_steps @ self._slopes.T)
             steps.append(step)
             again.append(is_mostly_taken(differ, differ - taken, spread))
-        return np.array(found), np.array(steps), np.array(again)
+        return np.array(found), np.array(each), np.array(steps), np.array(again)
 
 
 def frames_that_show(cameras: Mapping[str, Camera], planned: Planned) -> dict[str, tuple[str, ...]]:
@@ -148,26 +181,75 @@ def before_frames(camera: Camera, names: Sequence[str], report: Report) -> list[
             raise InputError(problem, field="--for", expected=expected)
     planned = Planned(camera, report)
     apart = dict(zip(strong, planned.apart([t.on(camera) for t in strong.values()], 2), strict=True))
-    weak = {name: next(t for t in tried if t.effect == name) for name in names}
-    faint = dict(zip(names, planned.apart([weak[name].on(camera) for name in names]), strict=True))
     found = []
     for name in names:
-        path, largest = strength_of(camera, strong[name])
-        _, smallest = strength_of(camera, weak[name])
+        trial, kinds = _weakest_shown(planned, [t for t in tried if t.effect == name], strong[name])
+        path, _ = strength_of(camera, strong[name])
         unit = place_of(path).parameter.unit
-        high, low = (float(np.abs(one[name]).max()) for one in (apart, faint))
+        if trial is None:
+            found.append(Verdict(name, "not testable", path, unit))
+            continue
+        value = dict(trial.values)[path]
         alike = tuple(
             other for other in strong if other != name and _cosine(apart[name], apart[other]) > ALIKE
         )
-        frames = _cheapest(planned, apart[name])
-        if high <= CLEAR:
-            found.append(Verdict(name, "not testable", path, unit))
-            continue
-        power = np.log(high / max(low, 1.0)) / np.log(largest / smallest) if largest > smallest else 1.0
-        limit = largest * (CLEAR / high) ** (1 / np.clip(power, 0.5, 6.0))
         word = "not separable" if alike else "absent"
+        limit = value if camera.values().get(path, 0.0) else abs(value)
+        limit = max(limit, least_of_events(planned.example, path, unit))
+        frames = tuple(WORDS[kind] for kind in kinds[:1])
         found.append(Verdict(name, word, path, unit, limit=float(limit), others=alike, frames=frames))
     return found
+
+
+def least_of_events(frames: FrameSet, path: str, unit: str) -> float:
+    """The strength from which an effect that is a number of single events happens in these frames with a probability of 95 %.
+
+    Whatever the size of an event, there is none with the probability exp(-n) where n are expected. 0 for other effects.
+    """
+    rows, columns = frames.shape(0)
+    places = np.inf
+    if unit == "share of pixels" or (unit == "fraction" and path.endswith(".density")):
+        places = rows * columns
+    elif unit == "1/(Mpx s)":
+        places = 1e-6 * rows * columns * sum(r.exposure_s for r in frames.records)
+    elif unit == "share of codes":
+        places = len(set().union(*(np.unique(frames.read(i)).tolist() for i in range(len(frames)))))
+    return float(-np.log(1 - POWER) / places)
+
+
+def _weakest_shown(
+    planned: Planned, tried: Sequence[Trial], strong: Trial
+) -> tuple[Trial | None, tuple[str, ...]]:
+    """The weakest trial of an effect that the frames show, and the kinds of frames that do; None if they show none.
+
+    Between a strength that is shown and one that is not the middle is tried, until they are close. An integer and a number that
+    is not a strength have their trial values alone.
+    """
+    camera = planned.camera
+    plain = [t for t in tried if not t.is_other_form]
+    path, largest = strength_of(camera, strong)
+    half = strong.times(0.5)
+    if strong.is_fixed or not np.isclose(2 * strength_of(camera, half)[1], largest):
+        steps = sorted(
+            (t for t in plain if strength_of(camera, t)[0] == path), key=lambda t: strength_of(camera, t)[1]
+        )
+        kinds = planned.shown_by([t.on(camera) for t in steps])
+        return next(((t, k) for t, k in zip(steps, kinds, strict=True) if k), (None, ()))
+    high, low, trial = 1.0, 0.0, strong
+    shown: tuple[Trial | None, tuple[str, ...]] = None, ()
+    for _ in range(ROUNDS):
+        (kinds,) = planned.shown_by([trial.on(camera)])
+        factor = strength_of(camera, trial)[1] / largest
+        if kinds:
+            high, shown = factor, (trial, kinds)
+        else:
+            low = factor
+        if low == high or high < CLOSE * low:
+            break
+        trial = strong.times(np.sqrt(low * high) if low else high / 8)
+        if not trial.fits(camera):
+            break
+    return shown
 
 
 def _cosine(a: np.ndarray, b: np.ndarray) -> float:

@@ -31,13 +31,12 @@ from visaug.diagnosis.chance import chance
 from visaug.diagnosis.criterion import ODDS
 from visaug.diagnosis.fitting.law import law, scatter_along
 from visaug.diagnosis.fitting.reference import Null, Reference
-from visaug.diagnosis.planned import Planned, frames_that_show
+from visaug.diagnosis.planned import POWER, Planned, frames_that_show, least_of_events
 from visaug.diagnosis.stage import SearchStage, Setting
 from visaug.diagnosis.verdict import Verdict
 from visaug.effects import catalogue
 
 ONE_SIDED = 1.645  # standard deviations of an upper limit of 95 %
-POWER = 0.95  # probability with which an effect at its limit is shown
 RARE = 0.99  # quantile of the null beyond which a residual is shown: two tests share the 2 % of false alarms
 FACTORS = np.geomspace(1e-3, 1e3, 241)  # of a simulated strength, among which a limit is sought
 NEAR = 1.6  # ratio of a limit and a simulated strength up to which the power law is trusted
@@ -351,29 +350,13 @@ def _judged(
     scatter = course.variances[k]
     if end.is_missing and (factor > sight.match * width or (scatter.any() and sight.gain(scatter) > ODDS)):
         return Verdict(words[0], "not separable", *words[1:], others=("unexplained",))
-    limit = max(limit, -np.log(1 - POWER) / places_of_events(setting, course.path, unit))
+    limit = max(limit, least_of_events(setting.lab.parts[-1].frames, course.path, unit))
     upper = (max(factor, 0.0) + ONE_SIDED * width) * course.strengths[k]
     if limit <= plausible:
         is_matched = (sight.match + ONE_SIDED) * width * course.strengths[k] < NEAR * limit
         most = max(limit, min(upper, plausible)) if is_matched and not course.is_stepwise else limit
         return Verdict(words[0], "absent", *words[1:], limit=stated(most))
     return Verdict(words[0], "not testable", *words[1:], limit=stated(limit))
-
-
-def places_of_events(setting: Setting, path: str, unit: str) -> float:
-    """How often an effect that is a number of single events happens in these frames at strength 1; infinite for others.
-
-    Whatever the size of an event, there is none with the probability exp(-n) where n are expected.
-    """
-    frames = setting.lab.parts[-1].frames
-    rows, columns = frames.shape(0)
-    if unit == "share of pixels" or (unit == "fraction" and path.endswith(".density")):
-        return rows * columns
-    if unit == "1/(Mpx s)":
-        return 1e-6 * rows * columns * sum(r.exposure_s for r in frames.records)
-    if unit == "share of codes":
-        return len(set().union(*(np.unique(frames.read(i)).tolist() for i in range(len(frames)))))
-    return np.inf
 
 
 def _plausible(name: str, course: StrengthCurve) -> float:

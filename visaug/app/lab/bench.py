@@ -118,9 +118,10 @@ class Bench:
         self._with(progress).search(adopt=False)
 
     def add(self, name: str, progress: Progress) -> None:
-        """One more effect, everything refitted."""
-        self._with(progress).add(name)
-        self.past.put(f"add {name}", self.now)
+        """One more effect, everything refitted; a second request for it changes nothing."""
+        if name not in self.now.added:
+            self._with(progress).add(name)
+            self.past.put(f"add {name}", self.now)
 
     def remove(self, name: str, progress: Progress) -> None:
         """One effect less, everything refitted; with none added or removed it is the file as given again."""

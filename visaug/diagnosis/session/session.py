@@ -119,8 +119,10 @@ class Session:
         return self.comparison
 
     def refit(self) -> CameraFit:
-        """Refits the camera with the effects that are added now; the session keeps the result."""
-        if self.now.fit is None:
+        """Refits the camera with the effects that are added now, also numbers set by hand; the session keeps the result."""
+        if self.now.numbers and (self.now.without or self.now.added):
+            self._set(self.now.without, self.now.added)
+        elif self.now.numbers or self.now.fit is None:
             fit = self.fits.fit(self.now.without, self.now.added, self.progress)
             self.now = Setup(self.now.without, self.now.added, fit, (Step("refit", fit.error),))
         assert self.now.fit is not None
@@ -143,7 +145,7 @@ class Session:
         """
         if name in self.now.without:
             self._set(tuple(other for other in self.now.without if other != name), self.now.added)
-        elif name not in self.now.added:
+        else:
             self._check(name)
             self._set(self.now.without, (*self.now.added, name))
         return self
