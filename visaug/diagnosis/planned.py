@@ -27,7 +27,6 @@ SETS = 6  # simulated sets of a camera
 NULL_SETS = 24  # of the camera itself, for the scatter that a single set must exceed
 POWER = 0.95  # probability with which an effect at its limit is shown
 CLOSE = 1.3  # ratio of strengths that are shown and not shown at which a limit is known
-ROUNDS = 8  # strengths that are simulated for a limit, at most
 SEEN = 3.0  # standard deviations of one set above which two cameras differ; the standard error of a mean of six sets is half of one
 CLEAR = 2 * SEEN  # standard deviations from which an effect is shown
 ALIKE = 0.9  # cosine of the differences by two effects above which these frames do not separate them
@@ -237,7 +236,7 @@ def _weakest_shown(
         return next(((t, k) for t, k in zip(steps, kinds, strict=True) if k), (None, ()))
     high, low, trial = 1.0, 0.0, strong
     shown: tuple[Trial | None, tuple[str, ...]] = None, ()
-    for _ in range(ROUNDS):
+    for _ in range(8):  # from 1 to 1e-6 in steps of 8 at most
         (kinds,) = planned.shown_by([trial.on(camera)])
         factor = strength_of(camera, trial)[1] / largest
         if kinds:
