@@ -287,9 +287,8 @@ class Camera:
         Returns:
             (B, C, H, W) float32, DN in [0, 2^bit_depth - 1]. Effects of stage PICTURE act on pictures: see `finish`.
         """
-        full = self._full(values, photons.device)
-        context = self._context(full, stream, sequence, memory, resolution)
-        return chain.expose(self.effects, photons, full, self.choices(), stream, context, watch, mosaic)
+        under = self._conditions(values, stream, photons.device, sequence, memory, resolution)
+        return chain.expose(self.effects, photons, under, watch, mosaic)
 
     @property
     def finishes(self) -> bool:
@@ -326,30 +325,25 @@ class Camera:
             batch, channels, rows, columns = picture.shape
             window, numbers = (range(rows), range(columns)), range(batch)
             stream = Stream(numbers, numbers, channels, window, picture.device)
-        full = self._full(values, picture.device)
-        context = self._context(full, stream, False, None, None)
-        return chain.finish(self.effects, picture, full, self.choices(), stream, context)
+        return chain.finish(self.effects, picture, self._conditions(values, stream, picture.device))
 
-    def _full(self, values: Mapping[str, Tensor | float] | None, device: torch.device) -> dict[str, Tensor]:
-        """Every number by path, (1 or B, 1, 1, 1)."""
+    def _conditions(
+        self,
+        values: Mapping[str, Tensor | float] | None,
+        stream: Stream,
+        device: torch.device,
+        sequence: bool = False,
+        memory: dict[str, Tensor] | None = None,
+        resolution: tuple[int, int] | None = None,
+    ) -> chain.Conditions:
         every = {**self._values, **(values or {})}
         tensors = {path: torch.as_tensor(v, dtype=torch.float32, device=device) for path, v in every.items()}
-        return {path: tensor.reshape(-1, 1, 1, 1) for path, tensor in tensors.items()}
-
-    def _context(
-        self,
-        full: dict[str, Tensor],
-        stream: Stream,
-        sequence: bool,
-        memory: dict[str, Tensor] | None,
-        resolution: tuple[int, int] | None,
-    ) -> Context:
-        device = full["gain_db"].device
+        full = {path: tensor.reshape(-1, 1, 1, 1) for path, tensor in tensors.items()}
         boost = (self.spec.gain_db - full["gain_db"]) * (torch.log(torch.tensor(10.0, device=device)) / 20)
         heat = torch.exp(
             full["dark_current.b_per_c"] * self.spec.dark_current.exponent(full["temperature_c"])
         )
-        return Context(
+        context = Context(
             exposure_s=full["exposure_s"],
             temperature_c=full["temperature_c"],
             gain_e_per_dn=full["gain_e_per_dn"] * torch.exp(boost),
@@ -365,6 +359,7 @@ class Camera:
             memory={} if memory is None else memory,
             maps=self.maps,
         )
+        return chain.Conditions(full, self.choices(), stream, context)
 
     def __repr__(self) -> str:
         rows, columns = self.resolution
