@@ -22,7 +22,7 @@ from visaug.core.nearest import did_you_mean
 from visaug.core.sampling import Stream
 from visaug.core.sampling.distributions import MOST_MEAN
 from visaug.core.wording import first_of
-from visaug.effects import Context, Effect, Stage, catalogue
+from visaug.effects import Context, Stage, catalogue
 from visaug.effects.effect import ends
 
 
@@ -97,7 +97,9 @@ class Camera:
         self.loaded_from: str | None = None
         self.maps = load_maps(spec, folder) if maps is None else maps
         # The rest is worked out here, once, so that `torch.compile` meets only numbers and effects in `expose`.
-        self.effects = _chain_of(spec)
+        base = [name for name, effect in catalogue().items() if effect.base]
+        further = [entry["name"] for entry in spec.effects]
+        self.effects = chain.ordered([catalogue()[name]() for name in (*base, *further)], spec.reading)
         self._values = paths.numeric_values(spec)
         self._arrays = {path: np.array([value]) for path, value in self._values.items()}
         on_picture = {effect.name for effect in self.effects if effect.stage == Stage.PICTURE}
@@ -375,13 +377,6 @@ def _by_name(mistake: InputError, effects: Sequence[Mapping[str, Any]]) -> Input
         return mistake
     field = f"{effects[int(number)]['name']}.{key}"
     return InputError(mistake.problem, file=mistake.file, field=field, expected=mistake.expected)
-
-
-def _chain_of(spec: CameraSpec) -> list[Effect]:
-    known = catalogue()
-    names = [name for name, effect in known.items() if effect.base]
-    names += [entry["name"] for entry in spec.effects]
-    return chain.ordered([known[name]() for name in names], spec.reading)
 
 
 def _as_yaml(content: dict[str, Any]) -> str:
