@@ -101,7 +101,7 @@ def test_runs_end_where_an_effect_sits_between():
     names = ["quantum_efficiency", "prnu", "row_noise", "read_noise", "system_gain"]
     camera = Camera.load(CONTENT).with_effect("row_noise", sigma_e=1.0)
     effects = [next(e for e in camera.effects if e.name == name) for name in names]
-    full = camera._full(None, torch.device("cpu"))
-    context = camera._context(full, Stream([1], [1], 1, (range(4), range(4))), False, None, None)
-    found = [[e.name for e in run] for run in fused.runs(effects, torch.zeros(1, 1, 4, 4), full, context)]
+    under = camera._conditions(None, Stream([1], [1], 1, (range(4), range(4))), torch.device("cpu"))
+    runs = fused.runs(effects, torch.zeros(1, 1, 4, 4), under.values, under.context)
+    found = [[e.name for e in run] for run in runs]
     assert found == [names[:2], names[2:3], names[3:]]

@@ -22,7 +22,7 @@ from visaug.core.nearest import did_you_mean
 from visaug.core.sampling import Stream
 from visaug.core.sampling.distributions import MOST_MEAN
 from visaug.core.wording import first_of
-from visaug.effects import Context, Effect, Stage, catalogue
+from visaug.effects import Context, Stage, catalogue
 from visaug.effects.effect import ends
 
 
@@ -97,7 +97,9 @@ class Camera:
         self.loaded_from: str | None = None
         self.maps = load_maps(spec, folder) if maps is None else maps
         # The rest is worked out here, once, so that `torch.compile` meets only numbers and effects in `expose`.
-        self.effects = _chain_of(spec)
+        base = [name for name, effect in catalogue().items() if effect.base]
+        further = [entry["name"] for entry in spec.effects]
+        self.effects = chain.ordered([catalogue()[name]() for name in (*base, *further)], spec.reading)
         self._values = paths.numeric_values(spec)
         self._arrays = {path: np.array([value]) for path, value in self._values.items()}
         on_picture = {effect.name for effect in self.effects if effect.stage == Stage.PICTURE}
@@ -287,9 +289,8 @@ class Camera:
         Returns:
             (B, C, H, W) float32, DN in [0, 2^bit_depth - 1]. Effects of stage PICTURE act on pictures: see `finish`.
         """
-        full = self._full(values, photons.device)
-        context = self._context(full, stream, sequence, memory, resolution)
-        return chain.expose(self.effects, photons, full, self.choices(), stream, context, watch, mosaic)
+        under = self._conditions(values, stream, photons.device, sequence, memory, resolution)
+        return chain.expose(self.effects, photons, under, watch, mosaic)
 
     @property
     def finishes(self) -> bool:
@@ -326,30 +327,25 @@ class Camera:
             batch, channels, rows, columns = picture.shape
             window, numbers = (range(rows), range(columns)), range(batch)
             stream = Stream(numbers, numbers, channels, window, picture.device)
-        full = self._full(values, picture.device)
-        context = self._context(full, stream, False, None, None)
-        return chain.finish(self.effects, picture, full, self.choices(), stream, context)
+        return chain.finish(self.effects, picture, self._conditions(values, stream, picture.device))
 
-    def _full(self, values: Mapping[str, Tensor | float] | None, device: torch.device) -> dict[str, Tensor]:
-        """Every number by path, (1 or B, 1, 1, 1)."""
+    def _conditions(
+        self,
+        values: Mapping[str, Tensor | float] | None,
+        stream: Stream,
+        device: torch.device,
+        sequence: bool = False,
+        memory: dict[str, Tensor] | None = None,
+        resolution: tuple[int, int] | None = None,
+    ) -> chain.Conditions:
         every = {**self._values, **(values or {})}
         tensors = {path: torch.as_tensor(v, dtype=torch.float32, device=device) for path, v in every.items()}
-        return {path: tensor.reshape(-1, 1, 1, 1) for path, tensor in tensors.items()}
-
-    def _context(
-        self,
-        full: dict[str, Tensor],
-        stream: Stream,
-        sequence: bool,
-        memory: dict[str, Tensor] | None,
-        resolution: tuple[int, int] | None,
-    ) -> Context:
-        device = full["gain_db"].device
+        full = {path: tensor.reshape(-1, 1, 1, 1) for path, tensor in tensors.items()}
         boost = (self.spec.gain_db - full["gain_db"]) * (torch.log(torch.tensor(10.0, device=device)) / 20)
         heat = torch.exp(
             full["dark_current.b_per_c"] * self.spec.dark_current.exponent(full["temperature_c"])
         )
-        return Context(
+        context = Context(
             exposure_s=full["exposure_s"],
             temperature_c=full["temperature_c"],
             gain_e_per_dn=full["gain_e_per_dn"] * torch.exp(boost),
@@ -365,6 +361,7 @@ class Camera:
             memory={} if memory is None else memory,
             maps=self.maps,
         )
+        return chain.Conditions(full, self.choices(), stream, context)
 
     def __repr__(self) -> str:
         rows, columns = self.resolution
@@ -380,13 +377,6 @@ def _by_name(mistake: InputError, effects: Sequence[Mapping[str, Any]]) -> Input
         return mistake
     field = f"{effects[int(number)]['name']}.{key}"
     return InputError(mistake.problem, file=mistake.file, field=field, expected=mistake.expected)
-
-
-def _chain_of(spec: CameraSpec) -> list[Effect]:
-    known = catalogue()
-    names = [name for name, effect in known.items() if effect.base]
-    names += [entry["name"] for entry in spec.effects]
-    return chain.ordered([known[name]() for name in names], spec.reading)
 
 
 def _as_yaml(content: dict[str, Any]) -> str:

@@ -125,7 +125,7 @@ def _kept_map(key: int, effect: str, sigma: float, channels: int, window: tuple[
 
 def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: bool) -> np.ndarray:
     """The kernel's table, one row an image."""
-    k, n, most_e = loops.kernel().Number, fused.neutral(batch), loops.kernel().MOST_E
+    k, n, most_e = loops.kernel().Number, fused.neutral().repeat(batch, 0), loops.kernel().MOST_E
     sigma, shape = values["read_noise.sigma_e"], values["read_noise.shape"]
     deviation = standard_deviation(shape)
     own_scale = camera.spec.read_noise.meaning == "scale"

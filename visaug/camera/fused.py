@@ -69,18 +69,14 @@ def _fork_names() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @cache
-def _neutral() -> np.ndarray:
+def neutral() -> np.ndarray:
+    """The kernel's row of numbers for no effect at all, (1, NUMBERS) float32."""
     k, n = kernel().Number, np.zeros((1, kernel().NUMBERS), np.float32)
     n[:, [k.ELECTRONS, k.E_PER_DN, k.PER_DN]] = 1
     n[:, [k.LEAST_E, k.LEAST_OUT]] = -np.inf
     n[:, [k.FULL_WELL_E, k.MAX_DN, k.MOST_OUT]] = np.inf
     n[:, k.LIMIT_E] = -1
     return n
-
-
-def neutral(batch: int) -> np.ndarray:
-    """The kernel's table of numbers for no effect at all, (B, NUMBERS) float32."""
-    return _neutral().repeat(batch, 0)
 
 
 class Drawn(NamedTuple):
@@ -163,7 +159,7 @@ def _pattern(
 
 
 def _numbers(run: Mapping[str, Values], batch: int, context: Context) -> np.ndarray:
-    k, n = kernel().Number, neutral(batch)
+    k, n = kernel().Number, neutral().repeat(batch, 0)
 
     def put(column: int, value: Any) -> None:
         n[:, column] = np.asarray(value, np.float32).reshape(-1)

@@ -9,7 +9,7 @@ how long the camera remembers is found by taking a few small frames, so an effec
   histories, which differ in light and in chance, lead to the same frames within `FORGOTTEN`.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
@@ -67,11 +67,6 @@ _found: WeakKeyDictionary[Camera, Reach] = WeakKeyDictionary()
 def is_of_whole_frame(state: Tensor) -> bool:
     """Whether a state is one number for all pixels of a frame."""
     return tuple(state.shape[-2:]) == (1, 1)
-
-
-def with_states_of(memory: Memory, stepped: Mapping[str, Tensor]) -> Memory:
-    """The memory with the states of whole frames taken from another."""
-    return memory | {name: state for name, state in stepped.items() if is_of_whole_frame(state)}
 
 
 def _forgotten_after(camera: Camera, level: float) -> int:

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from visaug.camera import Camera
-from visaug.camera.history import DEEPEST, SMALL, Reach, is_of_whole_frame, with_states_of
+from visaug.camera.history import DEEPEST, SMALL, Reach, is_of_whole_frame
 from visaug.core.errors import InputError
 from visaug.core.sampling import Stream, derive_key
 from visaug.frames import FrameRecord, FrameSet
@@ -195,7 +195,7 @@ def _stepped(
         photons = torch.tensor(levels).view(-1, 1, 1, 1).expand(-1, 1, SMALL, SMALL)
         _exposed(camera, plan, positions, photons, seed, (0, SMALL, 0, SMALL), state)
         state = {name: value for name, value in state.items() if is_of_whole_frame(value)}
-    return with_states_of(memory, state)
+    return memory | state
 
 
 def _mean_photons(plan: FrameSet, i: int) -> float:

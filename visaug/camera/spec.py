@@ -168,11 +168,8 @@ class CameraSpec(_Part):
         return min(self.range_e, self.full_well_e or self.range_e) / self.quantum_efficiency
 
 
-_PARTS = (
-    part
-    for f in CameraSpec.model_fields.values()
-    for part in (f.annotation, *getattr(f.annotation, "__args__", ()))
-)
+_TYPES = [field.annotation for field in CameraSpec.model_fields.values()]
+_PARTS = [part for kind in _TYPES for part in (kind, *getattr(kind, "__args__", ()))]
 _KEYS = sorted(
     {*CameraSpec.model_fields, *(key for part in _PARTS for key in getattr(part, "model_fields", ()))}
 )

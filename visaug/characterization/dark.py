@@ -20,7 +20,13 @@ _NEEDS_LADDER = "dark frames at two or more exposures and two or more temperatur
 def dark_law(found: Findings, measured: Measured, frames: GroupMoments | None = None) -> float:
     """Dark current and its law; returns the dark signal of `frames` in DN (0 where it is not known)."""
     groups = (*measured.darks, *measured.biases)
-    _saturated(found, groups)
+    share = max((m.clipped_high for m in groups if m.shape and not math.isnan(m.mean)), default=0.0)
+    if share > 0:
+        found.warn(
+            f"saturated_dark: {share:.2%} of the pixels of dark frames are at the highest code; the mean "
+            "dark current excludes the clipped charge",
+            spoils=("dark_current.*", "emva.dark_current_*"),
+        )
     if measured.wanders:
         law = _of_frames(measured, groups)
         if law is not None:
@@ -35,17 +41,11 @@ def dark_law(found: Findings, measured: Measured, frames: GroupMoments | None = 
             return _exp(law.log_a + law.b_per_c * frames.group.temperature_c) * frames.group.exposure_s
     lines = dark_current.slopes(dark_current.mean_points(groups))
     found_law(found, lines)
-    return _signal_of(frames, lines) if frames is not None and lines else 0.0
-
-
-def _saturated(found: Findings, groups: tuple[GroupMoments, ...]) -> None:
-    share = max((m.clipped_high for m in groups if m.shape and not math.isnan(m.mean)), default=0.0)
-    if share > 0:
-        found.warn(
-            f"saturated_dark: {share:.2%} of the pixels of dark frames are at the highest code; the mean "
-            "dark current excludes the clipped charge",
-            spoils=("dark_current.*", "emva.dark_current_*"),
-        )
+    if frames is None or not lines:
+        return 0.0
+    same = [s for s in lines if s.temperature_c == frames.group.temperature_c] or lines
+    line = min(same, key=lambda s: abs((s.temperature_c or 0) - (frames.group.temperature_c or 0)))
+    return line.value * frames.group.exposure_s
 
 
 def _of_frames(measured: Measured, groups: tuple[GroupMoments, ...]) -> dark_current.DarkCurrentLaw | None:
@@ -146,9 +146,3 @@ def _one_temperature(found: Findings, lines: list[dark_current.Slope]) -> None:
     at = "" if line.temperature_c is None else f" at {line.temperature_c:g} degC"
     found.add("dark_current.rate_e_per_s", interval, "e-/s", f"mean dark signal against exposure{at}")
     found.dark_rate = (line.value * scale, line.temperature_c) if interval[1] > 0 else None
-
-
-def _signal_of(frames: GroupMoments, lines: list[dark_current.Slope]) -> float:
-    same = [s for s in lines if s.temperature_c == frames.group.temperature_c] or lines
-    line = min(same, key=lambda s: abs((s.temperature_c or 0) - (frames.group.temperature_c or 0)))
-    return line.value * frames.group.exposure_s

@@ -95,7 +95,11 @@ def measure(frames: FrameSet, group: Group, step_dn: float = 1.0) -> GroupMoment
     for k, i in enumerate(indices):
         frame = first if k == 0 else frames.read(i)
         low += np.count_nonzero(frame <= 0)
-        high += _at_the_top(frame, top, group.kind == "flat")
+        largest = float(frame.max())
+        at_largest = np.count_nonzero(frame == largest)
+        # The converter's top: the known one, or, of flats, a value that far too many pixels share as the largest.
+        piled = group.kind == "flat" and at_largest > PILED_SHARE * frame.size and largest > frame.min()
+        high += at_largest if largest == top or piled else 0
         difference = frame.astype(np.float64)
         rows[k], columns[k] = difference.mean(1), difference.mean(0)
         difference -= first  # small numbers, so that the squares do not swallow the variance
@@ -162,14 +166,6 @@ def pixel_variances(
         values = frames.read(i) - offset(i)
         total, squares = total + values, squares + values**2
     return np.maximum(squares - total**2 / len(indices), 0.0) / (len(indices) - 1)
-
-
-def _at_the_top(frame: np.ndarray, top: int | None, pile: bool) -> int:
-    """Pixels at the converter's top: the known one, or, of flats, a value that far too many share as the largest."""
-    largest = float(frame.max())
-    count = int(np.count_nonzero(frame == largest))
-    piled = pile and count > PILED_SHARE * frame.size and largest > frame.min()
-    return count if largest == top or piled else 0
 
 
 def _temporal_parts(rows: np.ndarray, columns: np.ndarray, variance: float) -> TemporalParts:

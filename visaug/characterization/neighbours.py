@@ -73,23 +73,27 @@ def with_covariances(measured: Measured, found: Findings) -> Measured:
     known = {key: covariances(measured.frames, m) for key, m in groups.items()}
     pairs = {id(v): (known[id(v.flat)], known[id(v.dark)]) for v in levels}
     light = _pooled([*pairs.values()])
-    dark = _correlations([known[key] for key in dict.fromkeys(id(v.dark) for v in levels)])
-    in_light, in_dark = _significant(*light), _significant(*dark)
+    darks = [known[key] for key in dict.fromkeys(id(v.dark) for v in levels)]
+    products = np.array([c.n for c in darks])
+    each = np.array([c.lags / max(c.variance, 1e-12) for c in darks])
+    dark = (products[:, None] * each).sum(0) / products.sum()
+    in_light = _significant(*light)
+    in_dark = _significant(dark, np.full(len(LAGS), 1 / math.sqrt(products.sum())))
     if in_light and not in_dark:
         _warn_shared(found, light[0])
         return replace(measured, levels=tuple(_with(v, pairs.get(id(v))) for v in measured.levels))
     if in_light:
         found.filtered = True
-        found.smoothed = _alike(light[0], dark[0])
+        found.smoothed = _alike(light[0], dark)
         found.warn(
             "correlated_noise: the noise of neighbours correlates, that of light by "
-            f"{_largest(light[0]):+.3f} and that of dark frames by {_largest(dark[0]):+.3f}: the frames were "
+            f"{_largest(light[0]):+.3f} and that of dark frames by {_largest(dark):+.3f}: the frames were "
             "smoothed, demosaiced, resampled or filtered, so their variance is not that of pixels",
             spoils=FROM_NOISE,
         )
     elif in_dark:
         found.warn(
-            f"correlated_noise: the noise of neighbours in dark frames correlates by {_largest(dark[0]):+.3f} "
+            f"correlated_noise: the noise of neighbours in dark frames correlates by {_largest(dark):+.3f} "
             "and that of light does "
             "not: read noise contains noise that neighbours share",
             spoils=("read_noise.*",),
@@ -139,12 +143,6 @@ def _pooled(pairs: Sequence[tuple[Covariances, Covariances]]) -> tuple[np.ndarra
         return np.zeros(len(LAGS)), np.full(len(LAGS), np.inf)
     error = math.sqrt(float((weights**2 * errors**2).sum())) / total
     return (weights[:, None] * lags).sum(0) / total, np.full(len(LAGS), error)
-
-
-def _correlations(groups: Sequence[Covariances]) -> tuple[np.ndarray, np.ndarray]:
-    n = np.array([c.n for c in groups])
-    each = np.array([c.lags / max(c.variance, 1e-12) for c in groups])
-    return (n[:, None] * each).sum(0) / n.sum(), np.full(len(LAGS), 1 / math.sqrt(n.sum()))
 
 
 def _significant(value: np.ndarray, error: np.ndarray) -> bool:

@@ -59,7 +59,9 @@ def response(levels: Sequence[FlatLevel], dark_tells: bool) -> Response | None:
     bend, bent = 0.0, False
     if len(levels) >= fit.basis.shape[1] + 3:
         curved = _Fit(levels, signals, np.concatenate([fit.basis, (photons**2)[:, None]], axis=1))
-        bend, bent = _bend(curved)
+        bend = float(curved.influence[-1] @ signals)
+        variance, df = curved.by_lamp(-1)
+        bent = abs(bend) > float(stats.t.ppf(1 - 0.002 / 2, df)) * math.sqrt(variance) > 0
         fit = curved if bent else fit
     influence = fit.influence[0]
     value = float(influence @ signals)
@@ -149,13 +151,6 @@ class _Fit:
         if spare < 1 or spread <= flicker * float(stats.f.isf(FALSE_ALARM, spare, max(df, 1))):
             return 0.0
         return math.sqrt(spread)
-
-
-def _bend(fit: _Fit) -> tuple[float, bool]:
-    """Coefficient of the last column, the square of the photons, and whether it is there beyond doubt (once in 500 by chance)."""
-    value = float(fit.influence[-1] @ fit.signals)
-    variance, df = fit.by_lamp(-1)
-    return value, abs(value) > float(stats.t.ppf(1 - 0.002 / 2, df)) * math.sqrt(variance) > 0
 
 
 def _left_out(profiles: list[np.ndarray], influence: np.ndarray) -> float:

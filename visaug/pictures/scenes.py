@@ -98,7 +98,12 @@ def scenes_of(
         problem = "the pictures hold neither a black sky nor flat regions with noise"
         expected = "regions without texture, with noise that neighbours do not share"
         raise InputError(problem, field="frames", expected=expected)
-    _say_what_lacks(regions, warn)
+    if regions.sky is None:
+        warn("no_black_sky: the pictures have no black sky; what shows in the dark alone is not seen")
+    if not regions.levels:
+        warn(
+            "no_flat_regions: the pictures have hardly any lit region without texture; what grows with light is not seen"
+        )
     rows, columns = frames.shape(pictures.indices[0])
     black = regions.sky if regions.sky is not None else stated
     smooth = smooth_scenes(taken, regions)
@@ -127,15 +132,6 @@ def _stated_black(camera: Camera, transfer: str) -> float:
     """Level of no light that the camera's file states, in 1/255 of full scale."""
     share = torch.tensor(camera.spec.black_level_dn / (2**camera.bit_depth - 1))
     return 255 * float(encoded(share, transfer))
-
-
-def _say_what_lacks(regions: Regions, warn: Callable[[str], object]) -> None:
-    if regions.sky is None:
-        warn("no_black_sky: the pictures have no black sky; what shows in the dark alone is not seen")
-    if not regions.levels:
-        warn(
-            "no_flat_regions: the pictures have hardly any lit region without texture; what grows with light is not seen"
-        )
 
 
 def chosen_of(pictures: PictureSet, budget: int = 1_200_000) -> tuple[np.ndarray, tuple[int, int, int, int]]:
