@@ -14,7 +14,7 @@ from visaug.characterization import emva_curves
 from visaug.characterization.alike import SAME_C, degrees_apart
 from visaug.characterization.dark_current import mean_points, slopes, variance_points
 from visaug.characterization.groups import FlatLevel, Measured
-from visaug.characterization.light import NEEDS_FLATS, NEEDS_PHOTONS
+from visaug.characterization.light import NEEDS_FLATS, NEEDS_GAIN, NEEDS_PHOTONS
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import PARTS, corrected_split, not_white, parts, release_4
 from visaug.characterization.photon_transfer import (
@@ -23,6 +23,7 @@ from visaug.characterization.photon_transfer import (
     last_fitted,
     linearity_curve,
     saturated_level,
+    tells_gain,
 )
 from visaug.core.intervals import Interval, jackknife, root, symmetric, widen
 from visaug.statistics.findings import Estimate, Findings
@@ -81,11 +82,18 @@ def _figures(found: Findings, measured: Measured) -> None:
         _dark_noise(found, darks, None, 0.0)
         return
     saturation = saturated_level(levels)
-    found.curves.update(emva_curves.sweep_curves(levels, saturation, last_fitted(levels, saturation), darks))
     sensitivity = emva_sensitivity(levels, saturation)
+    system_gain = symmetric(*sensitivity["gain"])
+    if not (tells_gain(levels, saturation) and system_gain[1] > 0):
+        _dark_noise(found, darks, None, 0.0)
+        derived(found, None)
+        for key in _NEEDS:
+            found.miss(key, NEEDS_GAIN)
+        return
+    found.curves.update(emva_curves.sweep_curves(levels, saturation, last_fitted(levels, saturation), darks))
     gain, gain_error, _ = sensitivity["gain"]
-    relative = gain_error / gain if gain > 0 else math.nan
-    found.add("emva.system_gain_dn_per_e", symmetric(*sensitivity["gain"]), "DN/e-", _R3)
+    relative = gain_error / gain
+    found.add("emva.system_gain_dn_per_e", system_gain, "DN/e-", _R3)
     if "efficiency" in sensitivity:
         found.add("emva.quantum_efficiency", symmetric(*sensitivity["efficiency"]), "e-/photon", _R3)
         _saturation(found, levels, saturation, sensitivity["efficiency"])

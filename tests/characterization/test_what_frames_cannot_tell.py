@@ -1,0 +1,138 @@
+"""Frames that do not determine a figure: it is in `not_determined`, or a warning that spoils it says why."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from visaug.characterization import characterize
+from visaug.core.errors import InputError
+from visaug.frames import FrameRecord, FrameSet
+
+SHAPE = (48, 64)
+FULL_PHOTONS = 3995.0  # at which the mean of a flat is the converter's highest code
+
+
+class Lab:
+    """A linear camera in plain NumPy: 2 DN/e-, quantum efficiency 0.5, read noise 3 e-, black level 100 DN, 12 bits.
+
+    Args:
+        lamp: relative standard deviation of the light from frame to frame.
+    """
+
+    def __init__(self, seed, full_well_e=np.inf, lamp=0.0, black_dn=100.0):
+        self.rng = np.random.default_rng(seed)
+        self.full_well_e, self.lamp, self.black_dn = full_well_e, lamp, black_dn
+        self.response = 1 + self.rng.normal(0, 0.008, SHAPE)
+        self.records, self.frames = [], []
+
+    def take(self, kind, n, exposure_s=0.0, temperature_c: float | None = 20.0, photons=0.0):
+        for _ in range(n):
+            light = photons * 0.5 * self.response * (1 + self.rng.normal(0, self.lamp))
+            warm = 20.0 if temperature_c is None else temperature_c
+            electrons = self.rng.poisson(light + exposure_s * 0.5 * np.exp(0.08 * warm))
+            electrons = np.minimum(electrons, self.full_well_e) + self.rng.normal(0, 3.0, SHAPE)
+            dn = np.rint(self.black_dn + 2 * electrons)
+            self.frames.append(np.clip(dn, 0, 4095).astype(np.uint16))
+            i = len(self.records)
+            known = photons if kind == "flat" else None
+            self.records.append(FrameRecord(i, f"{i}", kind, exposure_s, temperature_c, photons=known))
+        return self
+
+    def set(self):
+        return FrameSet.from_arrays(self.records, self.frames, bit_depth=12)
+
+
+def told(result):
+    """Figures of the light or in electrons that stand without a warning that spoils them."""
+    spoiled = {name for w in result.warning_details for name in w.spoils}
+    of_light = ("e-", "DN/e-", "photon", "fraction")
+    return {n for n, e in result.parameters.items() if any(u in e.unit for u in of_light)} - spoiled
+
+
+@pytest.mark.parametrize("levels", [(1.0, 1.03, 1.25), (0.98,), (1.05,), (1.2,), (1.2, 2.5)])
+def test_saturated_flats_tell_no_gain(levels):
+    lab = Lab(0).take("bias", 6)
+    for level in levels:
+        lab.take("flat", 3, photons=level * FULL_PHOTONS)
+    result = characterize(lab.set())
+    assert not told(result)
+    assert {"gain_e_per_dn", "quantum_efficiency", "emva.system_gain_dn_per_e"} <= set(result.not_determined)
+    assert "saturation" in result.not_determined["gain_e_per_dn"]
+    assert not result.has_gain
+
+
+@pytest.mark.parametrize("photons", [(3000.0,), (3000.0, 6000.0)])
+def test_flats_above_the_full_well_tell_no_gain(photons):
+    lab = Lab(1, full_well_e=1200.0).take("bias", 6)
+    for p in photons:
+        lab.take("flat", 3, photons=p)
+    assert not told(characterize(lab.set()))
+
+
+def test_flats_without_light_tell_no_gain():
+    result = characterize(Lab(2).take("bias", 6).take("flat", 3, photons=0.0).set())
+    assert not told(result)
+
+
+def test_one_level_below_saturation_tells_the_gain():
+    """Beside saturated flats, however few steps the sweep has."""
+    lab = Lab(3).take("bias", 6)
+    for level in (0.8, 1.3, 2.0):
+        lab.take("flat", 4, photons=level * FULL_PHOTONS)
+    result = characterize(lab.set())
+    assert result["gain_e_per_dn"].low < 0.5 < result["gain_e_per_dn"].high
+    assert result["emva.system_gain_dn_per_e"].low < 2 < result["emva.system_gain_dn_per_e"].high
+
+
+def test_corrupted_frames_give_no_negative_figure():
+    """5 % of the pixels of every frame are of any value."""
+    lab = Lab(0).take("bias", 6)
+    for photons in (100.0, 1000.0, 2000.0, 3000.0):
+        lab.take("flat", 3, photons=photons)
+    any_value = [lab.rng.integers(0, 4096, SHAPE) for _ in lab.frames]
+    lab.frames = [
+        np.where(lab.rng.random(SHAPE) < 0.05, a, f).astype(np.uint16) for a, f in zip(any_value, lab.frames)
+    ]
+    result = characterize(lab.set())
+    spoiled = {name for w in result.warning_details for name in w.spoils}
+    for name in ("emva.system_gain_dn_per_e", "emva.dark_noise_e", "emva.saturation_e"):
+        assert name in spoiled | set(result.not_determined) or result[name].value > 0, name
+
+
+def _constant(kind):
+    return lambda lab: [
+        np.full_like(f, int(f.mean())) if kind in (r.kind, "every") else f
+        for f, r in zip(lab.frames, lab.records)
+    ]
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        _constant("every"),
+        _constant("bias"),
+        lambda lab: [f * 0 if r.kind == "bias" else f for f, r in zip(lab.frames, lab.records)],
+        lambda lab: [lab.rng.integers(0, 4096, SHAPE).astype(np.uint16) for _ in lab.frames],
+    ],
+    ids=["no noise", "bias without noise", "bias of 0", "arbitrary"],
+)
+@pytest.mark.parametrize("levels", [(0.1, 0.3, 0.6), (1.3, 1.6)])
+def test_frames_that_are_no_photographs_raise_nothing(made, levels):
+    lab = Lab(5).take("bias", 4).take("dark", 3, 1.0).take("dark", 3, 4.0)
+    for level in levels:
+        lab.take("flat", 3, photons=level * FULL_PHOTONS)
+    lab.frames = made(lab)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        result = characterize(lab.set())
+    assert all(e.low <= e.value <= e.high for e in result.parameters.values())
+
+
+def test_arrays_of_several_sizes_are_refused_by_name():
+    lab = Lab(6).take("bias", 3)
+    lab.frames[1] = lab.frames[1].T.copy()
+    with pytest.raises(
+        InputError, match="1: frames differ in size: this one is 64 x 48; expected 48 x 64 as 0"
+    ):
+        characterize(lab.set())
