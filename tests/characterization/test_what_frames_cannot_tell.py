@@ -136,3 +136,37 @@ def test_arrays_of_several_sizes_are_refused_by_name():
         InputError, match="1: frames differ in size: this one is 64 x 48; expected 48 x 64 as 0"
     ):
         characterize(lab.set())
+
+
+def _long_dark_frames(seed, exposures, *biases_c):
+    lab = Lab(seed)
+    for bias_c in biases_c:
+        lab.take("bias", 6, 0.0, bias_c)
+    for exposure_s in exposures:
+        lab.take("dark", 4, exposure_s, 30.0)
+    for photons in (200.0, 600.0, 1200.0, 2400.0):
+        lab.take("flat", 4, 0.01, 30.0, photons)
+    return characterize(lab.set())
+
+
+@pytest.mark.parametrize("bias_c", [None, 20.0, 28.0])
+def test_dark_noise_is_that_of_the_shortest_exposure(bias_c):
+    """Read noise of 3 e-; the dark current of 5.5 e-/s makes 3.8 e- of it in 1 s. The band is 5 standard errors wide."""
+    result = _long_dark_frames(7, (1.0, 4.0), bias_c)
+    assert result["emva.dark_noise_e"].value == pytest.approx(3.0, abs=0.1)
+    assert result["emva4.absolute_sensitivity_threshold_e"].value == pytest.approx(3.54, abs=0.12)
+
+
+def test_dark_noise_of_two_long_exposures_is_that_at_none():
+    estimate = _long_dark_frames(8, (1.0, 2.0))["emva.dark_noise_e"]
+    assert estimate.low < 3.0 < estimate.high
+    assert estimate.high < 3.6
+
+
+def test_dark_noise_of_one_long_exposure_is_named():
+    result = _long_dark_frames(9, (1.0,))
+    spoiled = {name for w in result.warning_details for name in w.spoils}
+    assert {"emva.dark_noise_dn", "emva.dark_noise_e", "emva4.absolute_sensitivity_threshold_e"} <= spoiled
+    assert not any(
+        w.startswith("dark_noise_exposure") for w in _long_dark_frames(7, (1.0, 4.0), 20.0).warnings
+    )

@@ -79,13 +79,13 @@ def _figures(found: Findings, measured: Measured) -> None:
     levels = measured.sweep
     darks = _dark_sweep(measured, measured.temperature_c)
     if not levels or levels[-1].signal <= 0:
-        _dark_noise(found, darks, None, 0.0)
+        _dark_noise(found, measured, darks, None, 0.0)
         return
     saturation = saturated_level(levels)
     sensitivity = emva_sensitivity(levels, saturation)
     system_gain = symmetric(*sensitivity["gain"])
     if not (tells_gain(levels, saturation) and system_gain[1] > 0):
-        _dark_noise(found, darks, None, 0.0)
+        _dark_noise(found, measured, darks, None, 0.0)
         derived(found, None)
         for key in _NEEDS:
             found.miss(key, NEEDS_GAIN)
@@ -106,7 +106,7 @@ def _figures(found: Findings, measured: Measured) -> None:
                 found.miss(key, "three or more levels between 5 and 95 % of saturation")
             else:
                 found.add(key, symmetric(*linearity[name]), "fraction", _R3)
-    _dark_noise(found, darks, gain, relative)
+    _dark_noise(found, measured, darks, gain, relative)
     _dark_current(found, _dark_ladder(measured), gain, relative)
     _disagree(found)
     _spatial(found, measured, gain, relative)
@@ -153,15 +153,42 @@ def _saturation(found: Findings, levels: tuple[FlatLevel, ...], saturation: int 
     found.add("emva.saturation_e", interval, "e-", _R3)
 
 
-def _dark_noise(found: Findings, darks: list[GroupMoments], gain: float | None, relative: float) -> None:
+def _without_dark_current(
+    found: Findings, measured: Measured, darks: list[GroupMoments]
+) -> tuple[list[GroupMoments], bool]:
+    """Those of the sweep `darks` that tell the noise at the flats' exposure, and whether a line over their exposures tells it."""
+    exposures = len({m.group.exposure_s for m in darks})
+    if exposures > 2:
+        return darks, True
+    longest = 1.02 * max(
+        (v.flat.group.exposure_s for v in measured.levels), default=math.inf
+    )  # a log's rounding
+    every = (m for m in (*measured.biases, *measured.darks) if m.n > 1 and m.shape == darks[0].shape)
+    shortest = min(every, key=lambda m: m.group.exposure_s)  # of any temperature: it has no dark current
+    for m in (darks[0], shortest):
+        if m.group.exposure_s <= longest:
+            return [m], False
+    if exposures > 1:
+        return darks, True
+    found.warn(
+        f"dark_noise_exposure: the dark noise is that of dark frames of {darks[0].group.exposure_s:g} s, and flats were exposed "
+        f"for {longest / 1.02:g} s at most: the shot noise of the dark current is in it",
+        spoils=("emva.dark_noise_*", "emva4.absolute_sensitivity_*", "emva4.dynamic_range*"),
+    )
+    return darks[:1], False
+
+
+def _dark_noise(
+    found: Findings, measured: Measured, darks: list[GroupMoments], gain: float | None, relative: float
+) -> None:
     if not darks:
         return
+    darks, is_line = _without_dark_current(found, measured, darks)
     exposures = np.array([m.group.exposure_s for m in darks])
 
     def compute(rows: np.ndarray) -> dict[str, float]:
         y = np.array([(m.row_variances * rows).sum() / rows.sum() - m.frame_variance for m in darks])
-        several = len(np.unique(exposures)) > 2
-        return {"variance": float(np.polyfit(exposures, y, 1)[1] if several else y[0])}
+        return {"variance": float(np.polyfit(exposures, y, 1)[1] if is_line else y[0])}
 
     value, low, high = symmetric(*jackknife(compute, darks[0].shape[0])["variance"])
     # Release 3: below 0.24 DN^2 quantization hides the dark noise.
