@@ -25,7 +25,8 @@ from visaug.characterization.photon_transfer import (
     saturated_level,
     tells_gain,
 )
-from visaug.core.intervals import Interval, jackknife, root, symmetric, widen
+from visaug.characterization.response import errors_of_light
+from visaug.core.intervals import Interval, jackknife, mean_error, root, symmetric, widen
 from visaug.statistics.findings import Estimate, Findings
 
 _SATURATED = "calibrated flats up to saturation and beyond"
@@ -95,6 +96,11 @@ def _figures(found: Findings, measured: Measured) -> None:
     relative = gain_error / gain
     found.add("emva.system_gain_dn_per_e", system_gain, "DN/e-", _R3)
     if "efficiency" in sensitivity:
+        light = errors_of_light(levels[: last_fitted(levels, saturation) + 1])
+        for name in ("response", "efficiency"):
+            value, error, df = sensitivity[name]
+            parts = [(error**2, df), *((share * value**2, its) for share, its in light)]
+            sensitivity[name] = value, *mean_error(parts)
         found.add("emva.quantum_efficiency", symmetric(*sensitivity["efficiency"]), "e-/photon", _R3)
         _saturation(found, levels, saturation, sensitivity["efficiency"])
         linearity = emva_linearity(levels, saturation)
@@ -105,7 +111,7 @@ def _figures(found: Findings, measured: Measured) -> None:
             if linearity is None:
                 found.miss(key, "three or more levels between 5 and 95 % of saturation")
             else:
-                found.add(key, symmetric(*linearity[name]), "fraction", _R3)
+                found.add(key, linearity[name], "fraction", _R3)
     _dark_noise(found, measured, darks, gain, relative)
     _dark_current(found, _dark_ladder(measured), gain, relative)
     _disagree(found)

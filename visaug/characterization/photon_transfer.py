@@ -10,7 +10,7 @@ from scipy import optimize, stats
 from visaug.characterization.groups import FlatLevel
 from visaug.characterization.moments import GroupMoments
 from visaug.characterization.response import Response, response
-from visaug.core.intervals import jackknife, t_quantile
+from visaug.core.intervals import Interval, jackknife, t_quantile
 from visaug.frames.checks import SATURATED_SHARE
 from visaug.statistics.findings import FALSE_ALARM
 
@@ -217,10 +217,12 @@ def emva_sensitivity(
     return jackknife(compute, chosen[0].flat.shape[0])
 
 
-def emva_linearity(
-    levels: Sequence[FlatLevel], saturation: int | None
-) -> dict[str, tuple[float, float, float]] | None:
-    """Release 3: least and largest relative deviation from a line fitted to relative deviations, 5 to 95 %."""
+def emva_linearity(levels: Sequence[FlatLevel], saturation: int | None) -> dict[str, Interval] | None:
+    """Release 3: least and largest relative deviation from a line fitted to relative deviations, 5 to 95 %.
+
+    The extremes of noise are no deviations of the camera: the intervals are those of the extremes of a band that holds all levels'
+    deviations at once.
+    """
     chosen = _linear_levels(levels, saturation)
     if len(chosen) < 3:
         return None
@@ -229,7 +231,25 @@ def emva_linearity(
         deviations = relative_deviations(chosen, rows)
         return {"min": float(deviations.min()), "max": float(deviations.max())}
 
-    return jackknife(compute, chosen[0].flat.shape[0])
+    found = jackknife(compute, chosen[0].flat.shape[0])
+    deviations = relative_deviations(chosen, np.ones(chosen[0].flat.shape[0]))
+    df = sum(v.flat.n - 1 for v in chosen)
+    together = float(stats.t.isf((1 - 0.95 ** (1 / len(chosen))) / 2, df))
+    noise = np.array([_signal_noise(v) for v in chosen])
+    noise += np.mean([v.flat.frame_variance / v.signal**2 / v.flat.n for v in chosen])  # the lamp
+    intervals = {}
+    for name, (value, error, rows_df) in found.items():
+        half = np.hypot(together * np.sqrt(noise), t_quantile(rows_df) * error)
+        extreme = np.min if name == "min" else np.max
+        intervals[name] = (value, float(extreme(deviations - half)), float(extreme(deviations + half)))
+    return intervals
+
+
+def _signal_noise(level: FlatLevel) -> float:
+    """Relative variance of a level's signal by the pixels' noise and the level of its dark frames."""
+    pixels = level.flat.shape[0] * level.flat.shape[1]
+    flat, dark = (m.variance / (m.n * pixels) for m in (level.flat, level.dark))
+    return (flat + dark + level.dark.frame_variance / level.dark.n) / level.signal**2
 
 
 def linearity_curve(levels: Sequence[FlatLevel], saturation: int | None) -> dict[str, np.ndarray]:
