@@ -206,3 +206,23 @@ def test_a_response_that_bends_stays_outside_of_the_interval_of_linearity():
     ]
     result = characterize(lab.set())
     assert result["emva.linearity_error_min"].high < 0 < result["emva.linearity_error_max"].low
+
+
+@pytest.mark.parametrize("lit", [True, False])
+def test_maps_state_their_unit_and_temperature(tmp_path, lit):
+    """Dark current of 0.5 exp(0.08 T) e-/s; its map is that of the warmest frames."""
+    from astropy.io import fits
+
+    lab = Lab(10).take("bias", 8)
+    for temperature_c in (20.0, 30.0):
+        for exposure_s in (2.0, 20.0):
+            lab.take("dark", 4, exposure_s, temperature_c)
+    for photons in (500.0, 2000.0, 3000.0) if lit else ():
+        lab.take("flat", 4, photons=photons)
+    result = characterize(lab.set())
+    headers = {path.stem: fits.getheader(path) for path in result.save_maps(tmp_path)}
+    assert headers["dark_current"]["BUNIT"] == ("electron/s" if lit else "adu/s")
+    assert headers["dark_current"]["CCD-TEMP"] == 30.0
+    assert headers["master_bias"]["BUNIT"] == "adu"
+    rate = 0.5 * np.exp(0.08 * headers["dark_current"]["CCD-TEMP"]) * (1 if lit else 2)
+    assert result.maps["dark_current"].mean() == pytest.approx(rate, rel=0.05)
