@@ -27,6 +27,7 @@ from visaug.characterization.photon_transfer import (
 )
 from visaug.characterization.response import errors_of_light
 from visaug.core.intervals import Interval, jackknife, mean_error, root, symmetric, widen
+from visaug.frames.checks import SATURATED_SHARE
 from visaug.statistics.findings import Estimate, Findings
 
 _SATURATED = "calibrated flats up to saturation and beyond"
@@ -307,6 +308,9 @@ def _stack(measured: Measured) -> FlatLevel | None:
         return None
     saturation = saturated_level(levels)
     half = 0.5 * levels[-1 if saturation is None else saturation].signal
+    if saturation is not None:  # a stack of saturated flats shows no PRNU
+        clear = [v for v in levels[: saturation + 1] if v.flat.clipped_high <= SATURATED_SHARE]
+        levels = clear or levels
     most = max(v.flat.n for v in levels)
     return min((v for v in levels if v.flat.n == most), key=lambda v: abs(v.signal - half))
 
