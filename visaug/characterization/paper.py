@@ -101,7 +101,7 @@ def _bias(found: Findings, measured: Measured, still: GroupMoments) -> None:
         off = others / others.sum() - _shares(alone, edges / its_sigma, still.n)
         steps.append(float(change @ off / (change @ change)))
     blocks = len(keep)
-    half = t_quantile(blocks - 1) * math.sqrt((blocks - 1) / blocks * ((steps - np.mean(steps)) ** 2).sum())
+    half = t_quantile(blocks - 1) * math.sqrt((blocks - 1) * float(np.var(steps)))
     interval = tukey.hold_both_gaussians((shape, min(shape, alone) - half, max(shape, alone) + half))
     found.add("read_noise.shape", interval, "1", f"histogram of {still.n} residual frames")
 
