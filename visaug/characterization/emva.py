@@ -14,7 +14,7 @@ from visaug.characterization import emva_curves
 from visaug.characterization.alike import SAME_C, degrees_apart
 from visaug.characterization.dark_current import mean_points, slopes, variance_points
 from visaug.characterization.groups import FlatLevel, Measured
-from visaug.characterization.light import NEEDS_FLATS, NEEDS_PHOTONS
+from visaug.characterization.light import NEEDS_FLATS, NEEDS_GAIN, NEEDS_PHOTONS
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import PARTS, corrected_split, not_white, parts, release_4
 from visaug.characterization.photon_transfer import (
@@ -23,8 +23,11 @@ from visaug.characterization.photon_transfer import (
     last_fitted,
     linearity_curve,
     saturated_level,
+    tells_gain,
 )
-from visaug.core.intervals import Interval, jackknife, root, symmetric, widen
+from visaug.characterization.response import errors_of_light
+from visaug.core.intervals import Interval, jackknife, mean_error, root, symmetric, widen
+from visaug.frames.checks import SATURATED_SHARE
 from visaug.statistics.findings import Estimate, Findings
 
 _SATURATED = "calibrated flats up to saturation and beyond"
@@ -78,15 +81,27 @@ def _figures(found: Findings, measured: Measured) -> None:
     levels = measured.sweep
     darks = _dark_sweep(measured, measured.temperature_c)
     if not levels or levels[-1].signal <= 0:
-        _dark_noise(found, darks, None, 0.0)
+        _dark_noise(found, measured, darks, None, 0.0)
         return
     saturation = saturated_level(levels)
-    found.curves.update(emva_curves.sweep_curves(levels, saturation, last_fitted(levels, saturation), darks))
     sensitivity = emva_sensitivity(levels, saturation)
+    system_gain = symmetric(*sensitivity["gain"])
+    if not (tells_gain(levels, saturation) and system_gain[1] > 0):
+        _dark_noise(found, measured, darks, None, 0.0)
+        derived(found, None)
+        for key in _NEEDS:
+            found.miss(key, NEEDS_GAIN)
+        return
+    found.curves.update(emva_curves.sweep_curves(levels, saturation, last_fitted(levels, saturation), darks))
     gain, gain_error, _ = sensitivity["gain"]
-    relative = gain_error / gain if gain > 0 else math.nan
-    found.add("emva.system_gain_dn_per_e", symmetric(*sensitivity["gain"]), "DN/e-", _R3)
+    relative = gain_error / gain
+    found.add("emva.system_gain_dn_per_e", system_gain, "DN/e-", _R3)
     if "efficiency" in sensitivity:
+        light = errors_of_light(levels[: last_fitted(levels, saturation) + 1])
+        for name in ("response", "efficiency"):
+            value, error, df = sensitivity[name]
+            parts = [(error**2, df), *((share * value**2, its) for share, its in light)]
+            sensitivity[name] = value, *mean_error(parts)
         found.add("emva.quantum_efficiency", symmetric(*sensitivity["efficiency"]), "e-/photon", _R3)
         _saturation(found, levels, saturation, sensitivity["efficiency"])
         linearity = emva_linearity(levels, saturation)
@@ -97,8 +112,8 @@ def _figures(found: Findings, measured: Measured) -> None:
             if linearity is None:
                 found.miss(key, "three or more levels between 5 and 95 % of saturation")
             else:
-                found.add(key, symmetric(*linearity[name]), "fraction", _R3)
-    _dark_noise(found, darks, gain, relative)
+                found.add(key, linearity[name], "fraction", _R3)
+    _dark_noise(found, measured, darks, gain, relative)
     _dark_current(found, _dark_ladder(measured), gain, relative)
     _disagree(found)
     _spatial(found, measured, gain, relative)
@@ -145,15 +160,42 @@ def _saturation(found: Findings, levels: tuple[FlatLevel, ...], saturation: int 
     found.add("emva.saturation_e", interval, "e-", _R3)
 
 
-def _dark_noise(found: Findings, darks: list[GroupMoments], gain: float | None, relative: float) -> None:
+def _without_dark_current(
+    found: Findings, measured: Measured, darks: list[GroupMoments]
+) -> tuple[list[GroupMoments], bool]:
+    """Those of the sweep `darks` that tell the noise at the flats' exposure, and whether a line over their exposures tells it."""
+    exposures = len({m.group.exposure_s for m in darks})
+    if exposures > 2:
+        return darks, True
+    longest = 1.02 * max(
+        (v.flat.group.exposure_s for v in measured.levels), default=math.inf
+    )  # a log's rounding
+    every = (m for m in (*measured.biases, *measured.darks) if m.n > 1 and m.shape == darks[0].shape)
+    shortest = min(every, key=lambda m: m.group.exposure_s)  # of any temperature: it has no dark current
+    for m in (darks[0], shortest):
+        if m.group.exposure_s <= longest:
+            return [m], False
+    if exposures > 1:
+        return darks, True
+    found.warn(
+        f"dark_noise_exposure: the dark noise is that of dark frames of {darks[0].group.exposure_s:g} s, and flats were exposed "
+        f"for {longest / 1.02:g} s at most: the shot noise of the dark current is in it",
+        spoils=("emva.dark_noise_*", "emva4.absolute_sensitivity_*", "emva4.dynamic_range*"),
+    )
+    return darks[:1], False
+
+
+def _dark_noise(
+    found: Findings, measured: Measured, darks: list[GroupMoments], gain: float | None, relative: float
+) -> None:
     if not darks:
         return
+    darks, is_line = _without_dark_current(found, measured, darks)
     exposures = np.array([m.group.exposure_s for m in darks])
 
     def compute(rows: np.ndarray) -> dict[str, float]:
         y = np.array([(m.row_variances * rows).sum() / rows.sum() - m.frame_variance for m in darks])
-        several = len(np.unique(exposures)) > 2
-        return {"variance": float(np.polyfit(exposures, y, 1)[1] if several else y[0])}
+        return {"variance": float(np.polyfit(exposures, y, 1)[1] if is_line else y[0])}
 
     value, low, high = symmetric(*jackknife(compute, darks[0].shape[0])["variance"])
     # Release 3: below 0.24 DN^2 quantization hides the dark noise.
@@ -266,6 +308,9 @@ def _stack(measured: Measured) -> FlatLevel | None:
         return None
     saturation = saturated_level(levels)
     half = 0.5 * levels[-1 if saturation is None else saturation].signal
+    if saturation is not None:  # a stack of saturated flats shows no PRNU
+        clear = [v for v in levels[: saturation + 1] if v.flat.clipped_high <= SATURATED_SHARE]
+        levels = clear or levels
     most = max(v.flat.n for v in levels)
     return min((v for v in levels if v.flat.n == most), key=lambda v: abs(v.signal - half))
 

@@ -86,6 +86,8 @@ def _variances(
         square += (cells - cells.mean((1, 2, 4, 5), keepdims=True)) ** 2
     square /= len(indices) - 1
     variance = _by_cell(square)
+    if not variance.any():
+        return variance, 0.0
     # Of one law, the variances of the pixels scatter by the same share in every cell.
     share = (_by_cell(square**2).mean() / (variance**2).mean() - 1) / (square.shape[1] * square.shape[4])
     return variance, math.sqrt(float(share))

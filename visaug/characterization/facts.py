@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from visaug.core.constants import MAD
+from visaug.core.errors import InputError
 from visaug.frames import FrameSet
 
 PLACES = ((0, 0), (0, 1), (1, 0), (1, 1))  # of a 2 x 2
@@ -33,8 +34,23 @@ class Facts:
 
 
 def look(frames: FrameSet) -> list[Facts]:
-    """Facts of every frame, in one pass that holds one frame."""
-    return [facts_of(frames.read(i)) for i in range(len(frames))]
+    """Facts of every frame, in one pass that holds one frame.
+
+    Raises:
+        InputError: frames of different sizes that state no window.
+    """
+    found: list[Facts] = []
+    first: tuple[tuple[int, ...], str] | None = None
+    for i, record in enumerate(frames.records):
+        frame = frames.read(i)
+        if record.window is None:
+            size, whose = first = first or (frame.shape, record.file)
+            if frame.shape != size:
+                problem = f"frames differ in size: this one is {frame.shape[0]} x {frame.shape[1]}"
+                expected = f"{size[0]} x {size[1]} as {whose}, or a window in its record"
+                raise InputError(problem, file=record.file, expected=expected)
+        found.append(facts_of(frame))
+    return found
 
 
 def facts_of(frame: np.ndarray) -> Facts:

@@ -20,6 +20,7 @@ from visaug.core.intervals import mean_error, root, symmetric, t_quantile
 from visaug.statistics.findings import Findings, MeasuredGain
 
 NEEDS_FLATS = "flats: two or more frames at each of several light levels, and dark frames beside them"
+NEEDS_GAIN = "flats that tell the gain: clear of saturation, and bright enough that their noise exceeds that of the dark frames"
 NEEDS_CLEAR_FLATS = (
     "a higher black level or more gain, or two or more levels of flats whose noise spreads over several DN, "
     "clear of 0 and of the converter's top"
@@ -38,7 +39,8 @@ def gain_and_efficiency(found: Findings, measured: Measured, dark_tells: bool) -
     """Photon transfer at the base gain."""
     result = transfer(measured.sweep, dark_tells)
     if result is None:
-        found.miss("gain_e_per_dn", NEEDS_FLATS if dark_tells else NEEDS_CLEAR_FLATS)
+        needs = NEEDS_GAIN if measured.sweep else NEEDS_FLATS
+        found.miss("gain_e_per_dn", needs if dark_tells else NEEDS_CLEAR_FLATS)
         found.miss("quantum_efficiency", NEEDS_PHOTONS)
         return None
     gain, half = result.gain_dn_per_e, t_quantile(result.df) * result.gain_error

@@ -49,6 +49,8 @@ def add_maps(found: Findings, measured: Measured) -> None:
         scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
         found.maps["dark_current"] = (rate * scale).astype(np.float32)
         found.dark_current_error = error * scale
+        known = [t for m in warmest if (t := m.group.temperature_c) is not None]
+        found.dark_current_at_c = float(np.mean(known)) if known else None
     still = measured.still
     if still is not None and still.n >= 8:
         mark(_stands_out(_deviation(measured, still)) > odd, Defect.UNSTEADY, still.place)
@@ -62,6 +64,18 @@ def add_maps(found: Findings, measured: Measured) -> None:
         counts = {name: np.count_nonzero(defects & bit.value) for name, bit in Defect.__members__.items()}
         if any(counts.values()):
             found.warn("defect_pixels: " + ", ".join(f"{c} {n.lower()}" for n, c in counts.items() if c))
+
+
+def map_headers(found: Findings) -> dict[str, dict[str, str | float]]:
+    """FITS cards of the maps that have a unit; dark current has the temperature of its frames beside it."""
+    charge = "adu" if found.gain is None else "electron"
+    units = {"master_bias": "adu", "read_noise": charge, "dark_current": f"{charge}/s"}
+    headers: dict[str, dict[str, str | float]] = {
+        name: {"BUNIT": unit} for name, unit in units.items() if name in found.maps
+    }
+    if "dark_current" in headers and found.dark_current_at_c is not None:
+        headers["dark_current"]["CCD-TEMP"] = round(found.dark_current_at_c, 3)
+    return headers
 
 
 def _stands_out(values: np.ndarray) -> np.ndarray:

@@ -137,7 +137,8 @@ def _pooled(pairs: Sequence[tuple[Covariances, Covariances]]) -> tuple[np.ndarra
     errors = np.array([math.hypot(f.error, d.error) for f, d in pairs])
     lags = np.array([f.lags - d.lags for f, d in pairs])
     usable = excess > 0
-    weights = np.where(usable, excess / errors**2, 0.0)
+    known = np.maximum(errors, 1e-12)  # frames without noise have no error
+    weights = np.where(usable, excess / known**2, 0.0)
     total = float((weights * excess).sum())
     if not total > 0:
         return np.zeros(len(LAGS)), np.full(len(LAGS), np.inf)

@@ -19,8 +19,8 @@ from visaug.characterization import dark_current, tukey
 from visaug.characterization.groups import Measured
 from visaug.characterization.light import NEEDS_FLATS, NEEDS_PHOTONS
 from visaug.characterization.moments import GroupMoments
-from visaug.characterization.still import NEEDS_STILL, add_in_electrons, master_bias
-from visaug.core.intervals import symmetric, t_quantile
+from visaug.characterization.still import CLIPPED, NEEDS_STILL, add_in_electrons, master_bias, tells
+from visaug.core.intervals import row_blocks, symmetric, t_quantile
 from visaug.statistics.findings import Findings, MeasuredGain
 
 
@@ -40,27 +40,46 @@ def procedure(found: Findings, measured: Measured, camera: Camera | None) -> Non
 
 def _bias(found: Findings, measured: Measured, still: GroupMoments) -> None:
     master = master_bias(found, measured, still)
+    if not tells(still):
+        found.withdraw("clipped_at_zero")
+        cut = still.clipped_low > CLIPPED
+        dark_too = any(m.clipped_low > CLIPPED for m in measured.darks)
+        found.warn(
+            f"{'clipped_at_zero' if cut else 'coarse_converter'}: the {still.group.kind} frames are "
+            f"{'cut at 0' if cut else 'coarser than their noise'}, which this procedure does not know; the default method does",
+            spoils=("black_level_dn", "read_noise.*", "dsnu.*", *(["dark_current.*"] if dark_too else [])),
+        )
     source = f"standard deviations of the mean of {still.n} {still.group.kind} frames"
     columns, rows = master.mean(0).std(), master.mean(1).std()
     pixel = math.sqrt(max(master.var() - columns**2 - rows**2, 0.0))
     height, width = still.shape
-    for name, value, df in (
-        ("column", columns, width - 1),
-        ("row", rows, height - 1),
-        ("pixel", pixel, height * width),
+    # What the mean of n frames keeps of their temporal noise, and columns and rows of the pixels.
+    kept = [0.0] * 3
+    if still.temporal is not None:
+        temporal = still.temporal
+        kept = [v / still.n for v in (temporal.column / height, temporal.row / width, temporal.pixel)]
+    own = max(pixel**2 - kept[2], 0.0)
+    for name, value, df, noise in (
+        ("column", columns, width - 1, kept[0] + own / height),
+        ("row", rows, height - 1, kept[1] + own / width),
+        ("pixel", pixel, height * width, kept[2]),
     ):
         low, high = (value * math.sqrt(df / stats.chi2.ppf(q, df)) for q in (0.975, 0.025))
+        low = math.sqrt(max(low**2 - noise, 0.0))
         add_in_electrons(found, f"dsnu.{name}", (value, low, high), source)
     error = math.hypot(columns / math.sqrt(width), rows / math.sqrt(height))
     level = symmetric(still.mean, error, min(still.shape) - 1)
     found.add("black_level_dn", level, "DN", "mean of the master bias")
-    deviations, edges, histogram = [], np.zeros(0), np.zeros(160, int)
+    deviations, edges = [], np.zeros(0)
+    keep = row_blocks(height)
+    squares, counts = np.zeros(height), np.zeros((len(keep), 160), int)
     for i in still.group.indices:
         residual = measured.frames.read(i) - master
         residual -= residual.mean()
         deviations.append(float(residual.std()))
+        squares += (residual**2).mean(1)
         edges = np.linspace(-8, 8, 161) * max(deviations[0], 1e-6)
-        histogram = histogram + np.histogram(residual, edges)[0]
+        counts += [np.histogram(residual[rest == 0], edges)[0] for rest in keep]
     sigma = float(np.mean(deviations))
     error = float(np.std(deviations, ddof=1)) / math.sqrt(still.n) if still.n > 1 else math.nan
     half = t_quantile(still.n - 1) * error
@@ -70,25 +89,53 @@ def _bias(found: Findings, measured: Measured, still: GroupMoments) -> None:
     if not sigma > 0:
         found.miss("read_noise.shape", "frames whose noise is larger than a DN")
         return
+    shape = _matched(counts.sum(0), edges / sigma, None)
+    # The frames' own mean draws residuals nearer to the normal law: the interval reaches over the shape without it.
+    alone = _matched(counts.sum(0), edges / sigma, still.n)
+    least, most = (float(np.clip(alone + h, *tukey.SHAPE_BOUNDS)) for h in (-0.02, 0.02))
+    change = (_shares(most, edges / sigma, still.n) - _shares(least, edges / sigma, still.n)) / (most - least)
+    steps = []
+    for rest, left_out in zip(keep, counts):
+        its_sigma = sigma * math.sqrt(float(rest @ squares / rest.sum() / squares.mean()))
+        others = counts.sum(0) - left_out
+        off = others / others.sum() - _shares(alone, edges / its_sigma, still.n)
+        steps.append(float(change @ off / (change @ change)))
+    blocks = len(keep)
+    half = t_quantile(blocks - 1) * math.sqrt((blocks - 1) * float(np.var(steps)))
+    interval = tukey.hold_both_gaussians((shape, min(shape, alone) - half, max(shape, alone) + half))
+    found.add("read_noise.shape", interval, "1", f"histogram of {still.n} residual frames")
+
+
+def _matched(histogram: np.ndarray, edges: np.ndarray, frames: int | None) -> float:
+    """Shape whose shares are nearest to those of a histogram."""
     shares = histogram / histogram.sum()
-
-    def mismatch(shape: float) -> float:
-        law = tukey.standard(round(float(shape), 5))
-        model = np.diff(np.interp(edges / sigma, law.x, law.distribution))
-        return float(((shares - model / model.sum()) ** 2).sum())
-
     best: Any = optimize.minimize_scalar(
-        mismatch, bounds=tukey.SHAPE_BOUNDS, method="bounded", options={"xatol": 1e-4}
+        lambda shape: float(((shares - _shares(shape, edges, frames)) ** 2).sum()),
+        bounds=tukey.SHAPE_BOUNDS,
+        method="bounded",
+        options={"xatol": 1e-4},
     )
-    # The curvature of a sum of squares of shares: each has the variance of a share.
-    h, variance = 0.02, float((shares * (1 - shares)).mean() / histogram.sum())
-    curvature = (mismatch(best.x + h) - 2 * best.fun + mismatch(best.x - h)) / h**2
-    shape_error = math.sqrt(2 * variance / curvature) if curvature > 0 else math.nan
-    shape = float(best.x)
-    # The mean that is taken out of n frames draws residuals nearer to the normal law, by about 1.5 / n of the way.
-    hidden = 2 * (shape - tukey.GAUSSIAN_SHAPE) / still.n
-    low, high = shape - 1.96 * shape_error + min(hidden, 0.0), shape + 1.96 * shape_error + max(hidden, 0.0)
-    found.add("read_noise.shape", (shape, low, high), "1", f"histogram of {still.n} residual frames")
+    return float(best.x)
+
+
+def _shares(shape: float, edges: np.ndarray, frames: int | None) -> np.ndarray:
+    """Shares of a Tukey-lambda law between edges in its standard deviations.
+
+    Args:
+        frames: number of frames whose mean was taken out of each; None for the law itself.
+    """
+    law = tukey.standard(round(float(shape), 5))
+    if frames is None:
+        distribution = np.interp(edges, law.x, law.distribution)
+    else:  # (1 - 1/n) x less 1/n of the others, by the characteristic function
+        step = 0.02
+        t = step * (np.arange(2000) + 0.5)
+        phi = law.phi(t * math.sqrt(1 - 1 / frames)) * law.phi(t / math.sqrt(frames * (frames - 1))) ** (
+            frames - 1
+        )
+        distribution = 0.5 + step / math.pi * np.sin(np.outer(edges, t)) @ (phi / t)
+    model = np.diff(distribution)
+    return model / model.sum()
 
 
 def _dark(found: Findings, measured: Measured) -> None:

@@ -10,7 +10,8 @@ from scipy import optimize, stats
 from visaug.characterization.groups import FlatLevel
 from visaug.characterization.moments import GroupMoments
 from visaug.characterization.response import Response, response
-from visaug.core.intervals import jackknife
+from visaug.core.intervals import Interval, jackknife, t_quantile
+from visaug.frames.checks import SATURATED_SHARE
 from visaug.statistics.findings import FALSE_ALARM
 
 EVEN_DN = 0.6  # noise from which on rounding is an even error
@@ -50,7 +51,8 @@ class PhotonTransferResult:
 
 
 def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTransferResult | None:
-    """The photon transfer of a sweep of flats; None where no level has signal and temporal noise.
+    """The photon transfer of a sweep of flats; None where no level clear of saturation has signal and temporal noise, or where
+    the interval of the gain holds 0.
 
     Variance V against signal S follows K S (1 + c S): c is what the response, or charge that shares, bends.
 
@@ -93,6 +95,8 @@ def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTran
     added = _errors(inverse, powers, [v.shared_error for v in chosen])
     white = _errors(inverse, powers, [v.variance_error for v in chosen])
     error = math.hypot(error, added[1])
+    if not value > t_quantile(df) * error:  # the frames do not tell it from none
+        return None
     scatter, times, spare = _scatter(chosen, basis, inverse, dark_tells)
     if scatter:
         error, df = times * error, min(df, spare)
@@ -155,9 +159,19 @@ def safe_levels(
     chosen = [i for i, v in enumerate(levels) if clear[i] and (v.variance_of_all > 0 or not dark_tells)]
     if not dark_tells:
         return tuple(i for i in chosen if rounds_evenly(levels[i].flat) and levels[i].flat.clipped_low < 1e-4)
-    if not chosen and saturation is not None:
-        chosen = [i for i in range(saturation + 1) if levels[i].signal > 0]
+    if not chosen and saturation is not None:  # the sweep's steps are too wide to tell where it saturates
+        chosen = [i for i, v in enumerate(levels[: saturation + 1]) if below(v, levels[-1])]
     return tuple(chosen)
+
+
+def below(level: FlatLevel, full: FlatLevel) -> bool:
+    """Whether clipping leaves a level's variance alone, as far as a saturated level tells.
+
+    Its pixels lie three standard deviations below the saturated mean: clipping there takes 0.3 % of a normal variance.
+    """
+    spread = math.sqrt(max(level.flat.variance, 0.0) + level.flat.spatial_variance)
+    clear = level.flat.clipped_high <= SATURATED_SHARE and level.signal + 3 * spread <= full.signal
+    return clear and level.photons != 0 and level.signal > 0
 
 
 def rounds_evenly(moments: GroupMoments) -> bool:
@@ -170,10 +184,18 @@ def rounds_evenly(moments: GroupMoments) -> bool:
 
 
 def last_fitted(levels: Sequence[FlatLevel], saturation: int | None) -> int:
-    """Position of the last level of the standard's fits: up to 70 % of saturation."""
+    """Position of the last level of the standard's fits: up to 70 % of saturation, or the one of the largest variance."""
     top = len(levels) - 1 if saturation is None else saturation
     limit = (0.7 if saturation is not None else 1.0) * levels[top].signal
     return max((i for i, v in enumerate(levels[: top + 1]) if v.signal <= limit), default=top)
+
+
+def tells_gain(levels: Sequence[FlatLevel], saturation: int | None) -> bool:
+    """Whether the levels of the standard's fits are clear of saturation."""
+    if saturation is None:
+        return True
+    chosen = levels[: last_fitted(levels, saturation) + 1]
+    return chosen[-1].signal <= 0.7 * levels[saturation].signal or all(below(v, levels[-1]) for v in chosen)
 
 
 def emva_sensitivity(
@@ -189,16 +211,18 @@ def emva_sensitivity(
         if all(v.photons is not None for v in chosen):
             p = np.array([v.photons for v in chosen], float)
             found["response"] = float((p * x).sum() / (p * p).sum())
-            found["efficiency"] = found["response"] / found["gain"]
+            found["efficiency"] = found["response"] / found["gain"] if found["gain"] else math.nan
         return found
 
     return jackknife(compute, chosen[0].flat.shape[0])
 
 
-def emva_linearity(
-    levels: Sequence[FlatLevel], saturation: int | None
-) -> dict[str, tuple[float, float, float]] | None:
-    """Release 3: least and largest relative deviation from a line fitted to relative deviations, 5 to 95 %."""
+def emva_linearity(levels: Sequence[FlatLevel], saturation: int | None) -> dict[str, Interval] | None:
+    """Release 3: least and largest relative deviation from a line fitted to relative deviations, 5 to 95 %.
+
+    The extremes of noise are no deviations of the camera: the intervals are those of the extremes of a band that holds all levels'
+    deviations at once.
+    """
     chosen = _linear_levels(levels, saturation)
     if len(chosen) < 3:
         return None
@@ -207,7 +231,25 @@ def emva_linearity(
         deviations = relative_deviations(chosen, rows)
         return {"min": float(deviations.min()), "max": float(deviations.max())}
 
-    return jackknife(compute, chosen[0].flat.shape[0])
+    found = jackknife(compute, chosen[0].flat.shape[0])
+    deviations = relative_deviations(chosen, np.ones(chosen[0].flat.shape[0]))
+    df = sum(v.flat.n - 1 for v in chosen)
+    together = float(stats.t.isf((1 - 0.95 ** (1 / len(chosen))) / 2, df))
+    noise = np.array([_signal_noise(v) for v in chosen])
+    noise += np.mean([v.flat.frame_variance / v.signal**2 / v.flat.n for v in chosen])  # the lamp
+    intervals = {}
+    for name, (value, error, rows_df) in found.items():
+        half = np.hypot(together * np.sqrt(noise), t_quantile(rows_df) * error)
+        extreme = np.min if name == "min" else np.max
+        intervals[name] = (value, float(extreme(deviations - half)), float(extreme(deviations + half)))
+    return intervals
+
+
+def _signal_noise(level: FlatLevel) -> float:
+    """Relative variance of a level's signal by the pixels' noise and the level of its dark frames."""
+    pixels = level.flat.shape[0] * level.flat.shape[1]
+    flat, dark = (m.variance / (m.n * pixels) for m in (level.flat, level.dark))
+    return (flat + dark + level.dark.frame_variance / level.dark.n) / level.signal**2
 
 
 def linearity_curve(levels: Sequence[FlatLevel], saturation: int | None) -> dict[str, np.ndarray]:

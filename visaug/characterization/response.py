@@ -102,9 +102,22 @@ def _beside_the_light(
     return ([gap], "fitted") if len(levels) >= 4 and condition < collinear else ([], "unknown")
 
 
-def _influence(basis: np.ndarray) -> np.ndarray:
+def errors_of_light(levels: Sequence[FlatLevel]) -> list[tuple[float, float]]:
+    """Relative variances of the unweighted slope of signal over photons through 0, and their degrees of freedom: by columns, and
+    by the lamp. Rows are not in it.
+    """
+    levels = [v for v in levels if v.photons and v.signal > 0]
+    photons = np.array([v.photons for v in levels], float)
+    fit = _Fit(levels, np.array([v.signal for v in levels]), photons[:, None], weighted=False)
+    slope = float(fit.influence[0] @ fit.signals)
+    columns = _left_out([v.flat.column_means - v.dark.column_means for v in levels], fit.influence[0])
+    light, df = fit.by_lamp(0)
+    return [(columns / slope**2, 19), (light / slope**2, df)]
+
+
+def _influence(basis: np.ndarray, weighted: bool = True) -> np.ndarray:
     """What each level's signal adds to each coefficient; shot noise weighs the levels by their photons, the first column."""
-    root = 1 / np.sqrt(basis[:, 0])
+    root = 1 / np.sqrt(basis[:, 0]) if weighted else np.ones(len(basis))
     return np.linalg.pinv(basis * root[:, None]) * root
 
 
@@ -115,10 +128,11 @@ class _Fit:
     levels: Sequence[FlatLevel]
     signals: np.ndarray
     basis: np.ndarray
+    weighted: bool = True
 
     @cached_property
     def influence(self) -> np.ndarray:
-        return _influence(self.basis)
+        return _influence(self.basis, self.weighted)
 
     def by_lamp(self, k: int) -> tuple[float, float]:
         """Variance of coefficient `k` by what the lamp does, and its degrees of freedom: from frame to frame, and as levels

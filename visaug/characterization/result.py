@@ -45,6 +45,8 @@ class Characterization:
         curves: arrays for plots, by name (see the `plot_*` methods).
         maps: (H, W) float32 arrays by name: `master_bias` (DN), `response` (over the mean), `read_noise` (e-),
             `dark_current` (e-/s), `defects` (bits: 1 hot, 2 dead, 4 unsteady); DN in place of e- without a gain.
+        map_headers: FITS cards of the maps by name: BUNIT, and the temperature (CCD-TEMP, degC) of `dark_current`, which is that
+            of the warmest dark frames of two exposures.
         dark_current_error: standard error of a usual pixel of the map `dark_current`, in its unit.
         assumed: settings of the frames, and what was taken from the camera given.
         base: content of the camera given, whose further effects stay.
@@ -68,6 +70,7 @@ class Characterization:
     planes: "Mapping[str, Characterization]" = field(default_factory=dict, repr=False)
     method: str = "emva"
     left_out: tuple[str, ...] = ()
+    map_headers: Mapping[str, Mapping[str, str | float]] = field(default_factory=dict, repr=False)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -133,7 +136,7 @@ class Characterization:
         return yaml.safe_dump(self.to_camera_dict(), sort_keys=False, default_flow_style=None)
 
     def save_maps(self, folder: str | Path, suffix: str = ".fits") -> list[Path]:
-        """Write every map as FITS or TIFF; returns the files."""
+        """Write every map as FITS or TIFF; returns the files. FITS headers have unit and temperature."""
         from visaug.frames.writers import write_frame
 
         if suffix not in (".fits", ".tif", ".tiff", ".npy"):
@@ -144,7 +147,7 @@ class Characterization:
         for name, values in self.maps.items():
             path = Path(folder) / f"{name}{suffix}"
             with whole_file(path) as temporary:
-                write_frame(temporary, values)
+                write_frame(temporary, values, cards=self.map_headers.get(name))
             written.append(path)
         return written
 

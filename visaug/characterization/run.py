@@ -14,7 +14,7 @@ from visaug.characterization.conditions import prepared
 from visaug.characterization.emva import emva
 from visaug.characterization.facts import PLACES
 from visaug.characterization.groups import Measured, measure_groups
-from visaug.characterization.maps import add_maps
+from visaug.characterization.maps import add_maps, map_headers
 from visaug.characterization.mosaic import PLAIN, Mosaic, find_mosaic
 from visaug.characterization.nonuniformity import PARTS
 from visaug.characterization.result import Characterization, Warned, without_impossible
@@ -242,6 +242,7 @@ def _result(
         curves=found.curves,
         maps=found.maps,
         dark_current_error=found.dark_current_error,
+        map_headers=map_headers(found),
         assumed=settings,
         not_measured=tuple(found.assumed),
         effects=tuple(found.effects),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import zipfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, count
 from math import prod
@@ -213,10 +213,14 @@ def _write_stack(frames: FrameSet, path: Path, parts: dict[int, tuple[str | None
 
 
 def write_frame(
-    path: Path, pixels: np.ndarray, dtype: np.dtype | None = None, name: str | None = None
+    path: Path,
+    pixels: np.ndarray,
+    dtype: np.dtype | None = None,
+    name: str | None = None,
+    cards: Mapping[str, str | float] | None = None,
 ) -> None:
     """One frame (or stack) in the format of the suffix: .npy, TIFF, PNG, FITS or .raw (16 bit, little endian). Errors call it
-    `name`, where `path` is a temporary one.
+    `name`, where `path` is a temporary one. `cards` are of a FITS header.
     """
     suffix = path.suffix.lower()
     stored = pixels.astype(dtype or pixels.dtype)
@@ -231,7 +235,7 @@ def write_frame(
         with extra(path):
             from astropy.io import fits
 
-        fits.PrimaryHDU(stored).writeto(path, overwrite=True)
+        fits.PrimaryHDU(stored, fits.Header(dict(cards or {}))).writeto(path, overwrite=True)
     elif suffix == ".png" and stored.dtype.kind == "u":
         from PIL import Image
 

@@ -71,6 +71,7 @@ class Findings:
     # whether pixels were mixed after they were read: rows and columns then share noise too
     filtered: bool = False
     dark_current_error: float = 0.0  # standard error of a usual pixel of the map `dark_current`
+    dark_current_at_c: float | None = None  # temperature of that map
     smoothed: bool = False  # whether all noise correlates alike: one filter over everything
     lit: tuple[int, int, int, int] | None = None  # rows and columns that see light, where others see none
     banded: frozenset[int] = frozenset()  # sequence numbers of flats in which bands of a lamp roll
