@@ -245,13 +245,15 @@ class Effect:
             camera_seed: of the fixed pattern, which is common to all images of the call.
             sequence: True if the batch consists of consecutive frames, for effects with memory.
             conditions: operating conditions, with defaults exposure_s=0.01, temperature_c=20, gain_e_per_dn=1,
-                black_level_dn=0, full_well_e=inf, quantum_efficiency=1, dark_current_e=0, bit_depth=16.
+                black_level_dn=0, full_well_e=inf, quantum_efficiency=1, dark_current_e=0, bit_depth=16. Those that the
+                effect's own parameters state, as the gain of `SystemGain`, are theirs.
 
         Returns:
             A tensor of the same shape and dtype; float32 for a signal of whole numbers, which noise is not.
 
         Raises:
-            InputError: an unknown condition, a signal of another shape, or one that is no tensor.
+            InputError: an unknown condition, or one that the effect's own parameters state; a signal of another shape, or
+                one that is no tensor.
 
         Examples:
             >>> import torch, visaug
@@ -288,10 +290,11 @@ class Effect:
             window=window,
             sequence=sequence,
         )
-        # the dark current's own law gives the context its mean
-        if {"a_e_per_s", "b_per_c"} <= set(self.parameters):
-            heating = torch.exp(p.b_per_c * context.temperature_c)
-            context.dark_current_e = context.exposure_s * p.a_e_per_s * heating
+        for name, value in self.conditions(p, context).items():
+            if name in conditions:
+                expected = f"{type(self).__name__}({', '.join(f'{key}=...' for key in self.parameters)})"
+                raise InputError(f"follows from parameters of {self.name}", field=name, expected=expected)
+            setattr(context, name, value)
         stream = Stream(
             keys, [derive_key(camera_seed, "camera")] * len(batch), batch.shape[1], window, signal.device
         )
@@ -319,6 +322,10 @@ class Effect:
             A tensor of the same shape and unit.
         """
         raise NotImplementedError
+
+    def conditions(self, p: Values, context: Context) -> dict[str, Tensor]:
+        """Conditions by name that the effect's own parameters state. A camera knows them; an effect alone is told them here."""
+        return {}
 
     def moments(self, mean: Tensor, p: Values, context: Context) -> tuple[Tensor, Tensor] | None:
         """Theoretical mean and variance of the output, over noise and cameras, for a constant input `mean`; None if not known."""
