@@ -11,12 +11,14 @@ from visaug.effects import (
     DarkCurrent,
     QuantumEfficiency,
     RowNoise,
+    RTSNoise,
     Saturation,
     SystemGain,
     Vignetting,
     catalogue,
 )
 from visaug.effects.effect import Values
+from visaug.effects.parameter import unused
 from visaug.effects.testing import instruments
 
 
@@ -85,7 +87,11 @@ def test_every_parameter_is_read_under_some_choice(effect, monkeypatch):
     signal = instruments.scene(effect, channels=3)  # of colours, which some parameters need
     for choice in instruments.choices(effect):
         for sequence in (False, True):
-            effect(**instruments.values(effect, **choice))(signal, sequence=sequence)
+            given = instruments.values(effect, **choice)
+            idle = unused(effect.parameters, given)
+            effect(**{key: value for key, value in given.items() if key not in idle})(
+                signal, sequence=sequence
+            )
     unread = {"gain_db"} if effect is SystemGain else set()  # it names the gain at which the other is given
     assert set(effect.parameters) - read == unread
 
@@ -112,6 +118,30 @@ def test_every_effect_runs_alone_and_shows_how_it_was_made(effect):
     assert getattr(visaug.effects, effect.__name__) is effect
     again = eval(repr(made), {effect.__name__: effect, "inf": float("inf")})
     assert again.values() == made.values()
+
+
+def test_a_parameter_that_the_options_leave_without_effect_is_refused():
+    """Of every effect with such parameters; their defaults are taken."""
+    with pytest.raises(InputError, match="kept: has no effect in rts_noise as it is; expected levels: two"):
+        RTSNoise(levels="three", kept=0.6)
+    assert RTSNoise(levels="three", kept=0.0).values()["levels"] == "three"
+    tried = 0
+    for effect in catalogue().values():
+        for choice in instruments.choices(effect):
+            for key in unused(effect.parameters, instruments.values(effect, **choice)):
+                with pytest.raises(InputError, match=f"{key}: has no effect in {effect.name}"):
+                    effect(**choice, **{key: instruments.usual(effect.parameters[key])})
+                tried += 1
+    assert tried > 10
+
+
+def test_a_camera_says_which_parameter_has_no_effect(caplog):
+    effect = {"name": "rts_noise", "levels": "three", "kept": 0.6}
+    visaug.Camera.load({"resolution": [8, 8], "gain_e_per_dn": 1.0, "effects": [effect]})
+    assert caplog.messages == ["rts_noise.kept = 0.6 has no effect; expected levels: two"]
+    caplog.clear()
+    visaug.Camera.load({"resolution": [8, 8], "gain_e_per_dn": 1.0, "effects": [{**effect, "levels": "two"}]})
+    assert caplog.messages == []
 
 
 def test_mistakes():

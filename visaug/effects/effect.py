@@ -10,7 +10,7 @@ from torch import Tensor
 
 from visaug.core.errors import InputError
 from visaug.core.sampling import Stream, derive_key
-from visaug.effects.parameter import Parameter, check_value
+from visaug.effects.parameter import Parameter, check_value, unused
 
 
 class Values:
@@ -223,7 +223,7 @@ class Effect:
                 uniformly.
 
         Raises:
-            InputError: the effect has no such parameter, or a value is outside its bounds.
+            InputError: the effect has no such parameter, a value is outside its bounds, or the chosen options do not use it.
         """
         for key, value in given.items():
             if key not in self.parameters:
@@ -232,6 +232,8 @@ class Effect:
             for one in ends(value) or (value,):
                 if one != self.parameters[key].default:  # which may be infinite: a full well that is left out
                     check_value(self.parameters[key], one, f"{self.name}.{key}")
+        for key, option in unused(self.parameters, given).items():
+            raise InputError(f"has no effect in {self.name} as it is", field=key, expected=option)
         self.given = given
 
     def __call__(
