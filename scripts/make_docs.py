@@ -13,6 +13,7 @@ import effect_pictures as pictures
 
 from visaug.camera.paths import path_of
 from visaug.effects import Effect, Stage, Unexplained, catalogue
+from visaug.effects.parameter import used_with
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 STAGES = {
@@ -119,6 +120,7 @@ def _parameters(effect: type[Effect]) -> list[str]:
             if p.options
             else f"{p.low:g} to {p.high:g}{', integer' if p.integer else ''}"
         )
+        allowed += f"; with `{used_with(effect.parameters, p)}` only" if p.of else ""
         default = p.default if p.options else f"{p.default:g}"
         path = path_of(effect.name, name) if effect.base else name
         lines.append(f"| `{path}` | {p.unit if not p.options else ''} | {default} | {allowed} | {p.source} |")

@@ -6,7 +6,20 @@ from scipy import stats
 
 import visaug
 from visaug import InputError
-from visaug.effects import DSNU, DarkCurrent, RowNoise, Vignetting, catalogue
+from visaug.effects import (
+    DSNU,
+    DarkCurrent,
+    QuantumEfficiency,
+    RowNoise,
+    RTSNoise,
+    Saturation,
+    SystemGain,
+    Vignetting,
+    catalogue,
+)
+from visaug.effects.effect import Values
+from visaug.effects.parameter import unused
+from visaug.effects.testing import instruments
 
 
 def test_row_noise_has_its_standard_deviation_and_is_constant_along_a_row():
@@ -23,6 +36,64 @@ def test_the_law_of_a_deterministic_effect():
     light = Vignetting(corner_loss=0.3)(signal)
     assert light.amax().item() == pytest.approx(1000, rel=1e-2)
     assert light[0, 0, 0, 0].item() == pytest.approx(1000 * (1 - 0.3 * (9.5 / 10) ** 2), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("effect", "expected"),
+    [
+        (SystemGain(gain_e_per_dn=2.0, black_level_dn=10.0), 60.0),
+        (SystemGain(gain_e_per_dn=2.0, gain_db=6.0), 50.0),
+        (Saturation(full_well_e=70.0), 70.0),
+        (QuantumEfficiency(value=0.25), 25.0),
+    ],
+)
+def test_own_parameters_count(effect, expected):
+    assert effect(torch.full((2, 2), 100.0)).tolist() == [[expected] * 2] * 2
+
+
+def test_each_image_has_its_own_gain():
+    out = SystemGain(gain_e_per_dn=(1.0, 4.0))(torch.full((50, 1, 2, 2), 100.0), seed=2)
+    assert out.amin() >= 25
+    assert out.amax() <= 100
+    assert len(out.unique()) == 50
+
+
+@pytest.mark.parametrize(
+    ("effect", "condition"),
+    [
+        (SystemGain, "gain_e_per_dn"),
+        (SystemGain, "black_level_dn"),
+        (Saturation, "full_well_e"),
+        (QuantumEfficiency, "quantum_efficiency"),
+        (DarkCurrent, "dark_current_e"),
+    ],
+)
+def test_a_condition_beside_the_parameters_that_state_it_is_refused(effect, condition):
+    with pytest.raises(InputError, match=rf"{condition}: follows from parameters of {effect.name}; expected"):
+        effect()(torch.full((2, 2), 100.0), **{condition: 0.5})
+
+
+@pytest.mark.parametrize("effect", catalogue().values(), ids=list(catalogue()))
+def test_every_parameter_is_read_under_some_choice(effect, monkeypatch):
+    """A parameter that `apply` never asks for has no effect, whatever it is."""
+    read = set()
+
+    class Watched(Values):
+        def __getattribute__(self, name):
+            read.add(name)
+            return super().__getattribute__(name)
+
+    monkeypatch.setattr("visaug.effects.effect.Values", Watched)
+    signal = instruments.scene(effect, channels=3)  # of colours, which some parameters need
+    for choice in instruments.choices(effect):
+        for sequence in (False, True):
+            given = instruments.values(effect, **choice)
+            idle = unused(effect.parameters, given)
+            effect(**{key: value for key, value in given.items() if key not in idle})(
+                signal, sequence=sequence
+            )
+    unread = {"gain_db"} if effect is SystemGain else set()  # it names the gain at which the other is given
+    assert set(effect.parameters) - read == unread
 
 
 def test_seeds():
@@ -47,6 +118,30 @@ def test_every_effect_runs_alone_and_shows_how_it_was_made(effect):
     assert getattr(visaug.effects, effect.__name__) is effect
     again = eval(repr(made), {effect.__name__: effect, "inf": float("inf")})
     assert again.values() == made.values()
+
+
+def test_a_parameter_that_the_options_leave_without_effect_is_refused():
+    """Of every effect with such parameters; their defaults are taken."""
+    with pytest.raises(InputError, match="kept: has no effect in rts_noise as it is; expected levels: two"):
+        RTSNoise(levels="three", kept=0.6)
+    assert RTSNoise(levels="three", kept=0.0).values()["levels"] == "three"
+    tried = 0
+    for effect in catalogue().values():
+        for choice in instruments.choices(effect):
+            for key in unused(effect.parameters, instruments.values(effect, **choice)):
+                with pytest.raises(InputError, match=f"{key}: has no effect in {effect.name}"):
+                    effect(**choice, **{key: instruments.usual(effect.parameters[key])})
+                tried += 1
+    assert tried > 10
+
+
+def test_a_camera_says_which_parameter_has_no_effect(caplog):
+    effect = {"name": "rts_noise", "levels": "three", "kept": 0.6}
+    visaug.Camera.load({"resolution": [8, 8], "gain_e_per_dn": 1.0, "effects": [effect]})
+    assert caplog.messages == ["rts_noise.kept = 0.6 has no effect; expected levels: two"]
+    caplog.clear()
+    visaug.Camera.load({"resolution": [8, 8], "gain_e_per_dn": 1.0, "effects": [{**effect, "levels": "two"}]})
+    assert caplog.messages == []
 
 
 def test_mistakes():

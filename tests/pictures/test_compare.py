@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from benchmark import pictures as independent
 from visaug.app.cli import main
@@ -44,6 +45,45 @@ def test_other_scenes_of_one_camera_agree(lightbox):
         "blocking",
         "edges",
     }
+
+
+def patches(rng, blur):
+    image = np.full((120, 160), rng.uniform(0.08, 0.5))
+    for _ in range(12):
+        row, column = rng.integers(0, 100), rng.integers(0, 140)
+        height, width = rng.integers(20, 60, 2)
+        image[row : row + height, column : column + width] = rng.uniform(0.05, 0.8)
+    return ndimage.gaussian_filter(image, blur)
+
+
+def bodies(rng, blur):
+    image = np.zeros((120, 160))
+    row, column = rng.integers(10, 50), rng.integers(10, 80)
+    image[row : row + 50, column : column + 60] = rng.uniform(0.2, 0.8)
+    image[row : row + 25, column : column + 30] *= 0.6
+    return ndimage.gaussian_filter(image, blur)
+
+
+def slopes_apart(one, other, seed):
+    """The difference of the view `edges` in standard errors: two scenes behind lenses of a blur (px) each."""
+    sides = []
+    for k, (scene, blur) in enumerate((one, other)):
+        rng = np.random.default_rng([seed, k])
+        electrons = [
+            rng.poisson(4000 * light) + rng.normal(0, 20, light.shape)
+            for light in (scene(rng, blur) for _ in range(20))
+        ]
+        sides.append(
+            in_memory(np.clip(np.rint(np.stack(electrons) * 245 / 4000 + 10), 0, 255).astype(np.uint8))
+        )
+    [found] = [d for d in compare_pictures(*sides).all_differences if d.view == "edges"]
+    return abs(found.z)
+
+
+def test_slopes_of_edges_do_not_depend_on_the_scene():
+    """One lens before patches and bodies; the allowance is far wider than chance, which moves six pairs by a tenth of it."""
+    assert max(slopes_apart((patches, 0.8), (bodies, 0.8), seed) for seed in range(6)) < 2
+    assert slopes_apart((patches, 0.8), (bodies, 1.3), 7) > 4
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """A camera: its parameters, its chain of effects, and simulated exposures."""
 
 import copy
+import logging
 import os
 from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
@@ -24,6 +25,7 @@ from visaug.core.sampling.distributions import MOST_MEAN
 from visaug.core.wording import first_of
 from visaug.effects import Context, Stage, catalogue
 from visaug.effects.effect import ends
+from visaug.effects.parameter import unused
 
 
 def shipped() -> dict[str, Path]:
@@ -118,14 +120,15 @@ class Camera:
         if isinstance(source, Camera):
             return source
         if isinstance(source, Mapping):
-            return cls(check_spec(dict(source)))
+            return cls(_with_all_used(check_spec(dict(source))))
         if not isinstance(source, str | Path):
             raise InputError(
                 f"{source!r} is not a camera", field="camera", expected="a camera.yaml, a name, or a Camera"
             )
         path = camera_file(source)
         camera = cls(
-            read_spec(path), path.parent if path == Path(source) or path.parent == own_folder() else None
+            _with_all_used(read_spec(path)),
+            path.parent if path == Path(source) or path.parent == own_folder() else None,
         )
         camera.loaded_from = str(source)
         return camera
@@ -377,6 +380,15 @@ def _by_name(mistake: InputError, effects: Sequence[Mapping[str, Any]]) -> Input
         return mistake
     field = f"{effects[int(number)]['name']}.{key}"
     return InputError(mistake.problem, file=mistake.file, field=field, expected=mistake.expected)
+
+
+def _with_all_used(spec: CameraSpec) -> CameraSpec:
+    """The same; says which given parameters have no effect beside the chosen options."""
+    for entry in spec.effects:
+        for key, option in unused(catalogue()[entry["name"]].parameters, entry).items():
+            message = "%s.%s = %s has no effect; expected %s"
+            logging.getLogger("visaug").warning(message, entry["name"], key, entry[key], option)
+    return spec
 
 
 def _as_yaml(content: dict[str, Any]) -> str:

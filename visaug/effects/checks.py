@@ -7,7 +7,7 @@ import torch
 
 from visaug.core.errors import InputError, described, user_line
 from visaug.effects.effect import Effect, Stage
-from visaug.effects.parameter import Parameter, check_value
+from visaug.effects.parameter import Parameter, check_value, unused
 
 TEXTS = ("summary", "equation", "source", "why_not", "separates", "map_unit")
 TAKEN = ("name", "map")  # keys of an effect in a camera file that are no parameters
@@ -66,7 +66,9 @@ def try_effect(effect: type[Effect]) -> None:
     trial = (2, 3, 96, 128)  # shape of the frames to which an effect is applied when it is registered
     signal = torch.full(trial, level)
     where = f"effect {effect.name}: apply"
-    one = effect(**{name: p.trials[0] for name, p in effect.parameters.items() if p.trials})
+    trials = {name: p.trials[0] for name, p in effect.parameters.items() if p.trials}
+    idle = unused(effect.parameters, trials)
+    one = effect(**{name: value for name, value in trials.items() if name not in idle})
     strengths = [one.values()[name] for name in effect.strengths()]
     if strengths and not any(strengths):
         return

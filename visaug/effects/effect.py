@@ -10,7 +10,7 @@ from torch import Tensor
 
 from visaug.core.errors import InputError
 from visaug.core.sampling import Stream, derive_key
-from visaug.effects.parameter import Parameter, check_value
+from visaug.effects.parameter import Parameter, check_value, unused
 
 
 class Values:
@@ -223,7 +223,7 @@ class Effect:
                 uniformly.
 
         Raises:
-            InputError: the effect has no such parameter, or a value is outside its bounds.
+            InputError: the effect has no such parameter, a value is outside its bounds, or the chosen options do not use it.
         """
         for key, value in given.items():
             if key not in self.parameters:
@@ -232,6 +232,8 @@ class Effect:
             for one in ends(value) or (value,):
                 if one != self.parameters[key].default:  # which may be infinite: a full well that is left out
                     check_value(self.parameters[key], one, f"{self.name}.{key}")
+        for key, option in unused(self.parameters, given).items():
+            raise InputError(f"has no effect in {self.name} as it is", field=key, expected=option)
         self.given = given
 
     def __call__(
@@ -245,13 +247,15 @@ class Effect:
             camera_seed: of the fixed pattern, which is common to all images of the call.
             sequence: True if the batch consists of consecutive frames, for effects with memory.
             conditions: operating conditions, with defaults exposure_s=0.01, temperature_c=20, gain_e_per_dn=1,
-                black_level_dn=0, full_well_e=inf, quantum_efficiency=1, dark_current_e=0, bit_depth=16.
+                black_level_dn=0, full_well_e=inf, quantum_efficiency=1, dark_current_e=0, bit_depth=16. Those that the
+                effect's own parameters state, as the gain of `SystemGain`, are theirs.
 
         Returns:
             A tensor of the same shape and dtype; float32 for a signal of whole numbers, which noise is not.
 
         Raises:
-            InputError: an unknown condition, a signal of another shape, or one that is no tensor.
+            InputError: an unknown condition, or one that the effect's own parameters state; a signal of another shape, or
+                one that is no tensor.
 
         Examples:
             >>> import torch, visaug
@@ -288,10 +292,11 @@ class Effect:
             window=window,
             sequence=sequence,
         )
-        # the dark current's own law gives the context its mean
-        if {"a_e_per_s", "b_per_c"} <= set(self.parameters):
-            heating = torch.exp(p.b_per_c * context.temperature_c)
-            context.dark_current_e = context.exposure_s * p.a_e_per_s * heating
+        for name, value in self.conditions(p, context).items():
+            if name in conditions:
+                expected = f"{type(self).__name__}({', '.join(f'{key}=...' for key in self.parameters)})"
+                raise InputError(f"follows from parameters of {self.name}", field=name, expected=expected)
+            setattr(context, name, value)
         stream = Stream(
             keys, [derive_key(camera_seed, "camera")] * len(batch), batch.shape[1], window, signal.device
         )
@@ -319,6 +324,10 @@ class Effect:
             A tensor of the same shape and unit.
         """
         raise NotImplementedError
+
+    def conditions(self, p: Values, context: Context) -> dict[str, Tensor]:
+        """Conditions by name that the effect's own parameters state. A camera knows them; an effect alone is told them here."""
+        return {}
 
     def moments(self, mean: Tensor, p: Values, context: Context) -> tuple[Tensor, Tensor] | None:
         """Theoretical mean and variance of the output, over noise and cameras, for a constant input `mean`; None if not known."""

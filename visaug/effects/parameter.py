@@ -1,6 +1,7 @@
 """A parameter of an effect: unit, bounds, default, and the check of a value against them."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -50,6 +51,23 @@ class Parameter:
 
     def __set_name__(self, owner: type, name: str) -> None:
         object.__setattr__(self, "name", name)
+
+
+def unused(parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> dict[str, str]:
+    """Values other than the default that the chosen options leave without effect, with the options that use them, in words."""
+    words = {values.get(name, p.default) for name, p in parameters.items() if p.options}
+    found = {}
+    for name, value in values.items():
+        p = parameters.get(name)
+        if p is not None and p.of and value != p.default and not words & set(p.of):
+            found[name] = used_with(parameters, p)
+    return found
+
+
+def used_with(parameters: Mapping[str, Parameter], parameter: Parameter) -> str:
+    """The options with which a parameter counts, in words: "levels: two"."""
+    chosen = [key for key, other in parameters.items() if set(parameter.of) & set(other.options)]
+    return f"{' or '.join(chosen)}: {' or '.join(parameter.of)}"
 
 
 def check_value(parameter: Parameter, value: Any, path: str, file: Path | None = None) -> None:

@@ -15,9 +15,10 @@ from visaug.frames import FrameRecord, FrameSet
 from visaug.inspection.codes import code_findings, codes_of, shift_of
 from visaug.inspection.field import frame_drift, glow
 from visaug.inspection.finding import Finding, Inspection, Measurement
+from visaug.inspection.kinds import kinds_of
 from visaug.inspection.line_findings import line_findings
 from visaug.inspection.lines import rows_of
-from visaug.inspection.material import FrameGroup, kinds_of, load_pixels, looks
+from visaug.inspection.material import FrameGroup, load_pixels, looks
 from visaug.inspection.pixels import line_defects, pixel_findings, pixel_pattern
 from visaug.inspection.processing import compression, noise_law, processing_findings
 
@@ -70,7 +71,7 @@ def inspect(frames: FrameSet | str | Path | np.ndarray | Sequence[np.ndarray]) -
         codes.stated,
         codes.shift,
         tuple(_measurement(look, mosaic is not None) for look in chosen if look.kind != "image"),
-        tuple(_ambiguous(groups, packed)),
+        (*_ambiguous(groups, packed), *_doubtful_kinds(groups, found)),
         tuple(_more(groups)),
         (*notes, *(w for w in frames.warnings if not w.startswith("exposure_unknown"))),
         _next(frames, kinds),
@@ -240,6 +241,15 @@ def _ambiguous(groups: list[FrameGroup], packed: Finding | None) -> list[str]:
             "frames of one scene do not tell fixed patterns from the scene; only what changes was looked at"
         )
     return said
+
+
+def _doubtful_kinds(groups: list[FrameGroup], found: list[Finding]) -> list[str]:
+    """That what is smooth may be of a scene, where nothing but level and structure told the kind."""
+    if not any(look.guessed for look in groups) or not any(f.what in ("glow", "shading") for f in found):
+        return []
+    return [
+        "nothing states that the frames are dark ones or flats: a dim, smooth scene that stays looks like a glow or shading"
+    ]
 
 
 def _more(groups: list[FrameGroup]) -> list[str]:

@@ -9,28 +9,33 @@ row of blocks that of the row noise.
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy import fft, stats
 
-from visaug.pictures.blocks import EDGE, LINE, NOISE, Levels, Rounding, blocks_of, is_flat
+from visaug.pictures.blocks import EDGE, LINE, NOISE, SIDE, Levels, Rounding, blocks_of, is_flat
 from visaug.pictures.curve import Sky, VarianceLaw
 from visaug.pictures.files import PictureSet
+
+FALSE_ALARMS = 1e-3  # of one pattern or noise that is said to be there
 
 
 @dataclass(frozen=True)
 class VariancePart:
-    """A variance in (1/255 of linear full scale)^2, or squared fractions, and its standard error."""
+    """A variance in (1/255 of linear full scale)^2, or squared fractions, its standard error and the degrees of freedom of that."""
 
     variance: float
     error: float
+    degrees: float = np.inf
 
     @property
     def found(self) -> bool:
-        """Above zero at a false-alarm rate of about 1 in 1000."""
-        return self.variance > 3.1 * self.error
+        """Above zero at that rate of false alarms."""
+        return bool(self.variance > stats.t.isf(FALSE_ALARMS, self.degrees) * self.error)
 
     def minus(self, other: "VariancePart | None") -> "VariancePart":
         if other is None:
             return self
-        return VariancePart(self.variance - other.variance, float(np.hypot(self.error, other.error)))
+        fewest = min(self.degrees, other.degrees)
+        return VariancePart(self.variance - other.variance, float(np.hypot(self.error, other.error)), fewest)
 
 
 @dataclass
@@ -83,7 +88,13 @@ def _mean_product(products: np.ndarray, a: np.ndarray, b: np.ndarray) -> Varianc
         return None
     weight = a * b / (a + b)
     value = float(weight @ products / weight.sum())
-    return VariancePart(value, float(np.sqrt((weight**2) @ (products - value) ** 2) / weight.sum()))
+    error = np.sqrt((weight**2) @ (products - value) ** 2) / weight.sum()
+    return VariancePart(value, float(error), _degrees(weight))
+
+
+def _degrees(weights: np.ndarray) -> float:
+    """Degrees of freedom of a standard error from the scatter of values of these weights."""
+    return max(float(weights.sum() ** 2 / (weights**2).sum()) - 1, 1.0)
 
 
 def recurring(
@@ -142,7 +153,7 @@ def _dark_and_response(plain: _Places, lit: _Places) -> tuple[VariancePart | Non
     if second is None or second[2] <= 0:
         if not light < 4.0 * offset:  # squared light below which a response adds nothing to offsets
             return None, None
-        return VariancePart(value.variance / offset, value.error / offset), None
+        return VariancePart(value.variance / offset, value.error / offset, value.degrees), None
     shares = np.array([[offset, light], second[1:]])
     if abs(np.linalg.det(shares)) < 0.05 * offset * second[2]:
         return None, None  # one level only: the two cannot be parted
@@ -163,8 +174,21 @@ def _usable(pictures: PictureSet, levels: Levels, sky: Sky | None) -> np.ndarray
     return pictures.steps <= 2 * np.sqrt(variance)
 
 
+_POLYNOMIALS = fft.dct(np.arange(SIDE)[:, None] ** np.arange(1.0, 4.0), axis=0, norm="ortho")
+# (8, 3): how much of the coefficients 1 to 3 of a cubic is found in each other one
+_LEAK = np.where(LINE[:, None], _POLYNOMIALS @ np.linalg.inv(_POLYNOMIALS[1:4]), 0.0)
+# Variance of what is left of a coefficient of white noise, over that of the noise
+_KEPT = 1 + (_LEAK**2).sum(1)
+APART = 2  # blocks on each side of one with which it may share content
+
+
 class _Lines:
-    """Rows (axis 0) or columns (axis 1): coefficients of the other frequency 0."""
+    """Rows (axis 0) or columns (axis 1): coefficients of the other frequency 0.
+
+    The noise of a line is common to all blocks along it, however far apart, and content to neighbours: a picture's variance is
+    the mean product of blocks that are more than APART from each other. Slopes and bumps of the content, which reach farther,
+    are taken off as the cubic that the coefficients 1 to 3 tell.
+    """
 
     def __init__(self) -> None:
         self._pictures: list[tuple[float, float]] = []
@@ -177,14 +201,14 @@ class _Lines:
         low = (line[..., 1:4] ** 2).mean(-1)
         if flat.any():
             flat = flat & (low < EDGE * np.median(low[flat]))
-        values = line[..., LINE & usable[:, 0]] * flat[..., None]
+        told = LINE & usable[:, 0]
+        values = (line - line[..., 1:4] @ _LEAK.T)[..., told] / np.sqrt(_KEPT[told]) * flat[..., None]
         if not values.shape[-1]:
             return
         count = flat.sum(1)
-        sums = values.sum(1)
-        products = (sums**2 - (values**2).sum(1)).mean(-1)
-        pairs = count * (count - 1.0)
-        weight = np.maximum(count - 1.0, 0)
+        products = (values.sum(1) ** 2 - _near(values)).mean(-1)
+        pairs = count**2.0 - _near(flat[..., None].astype(float))[:, 0]
+        weight = pairs / np.maximum(count, 1)
         ratio = np.divide(products, pairs, out=np.zeros(len(pairs)), where=pairs > 0)
         if weight.sum() > 0:
             self._pictures.append((float(weight @ ratio), float(weight.sum())))
@@ -198,6 +222,14 @@ class _Lines:
             value = values.sum() / weights.sum()
             rest = values - value * weights
             error = np.sqrt((rest**2).sum() * len(rest) / (len(rest) - 1)) / weights.sum()
-            total = VariancePart(float(value / 8), float(error / 8))
+            total = VariancePart(float(value / 8), float(error / 8), _degrees(weights))
         fixed = self._halves.line_covariance() if len(self._pictures) > 3 else None
-        return total, fixed and VariancePart(fixed.variance / 8, fixed.error / 8)
+        return total, fixed and VariancePart(fixed.variance / 8, fixed.error / 8, fixed.degrees)
+
+
+def _near(values: np.ndarray) -> np.ndarray:
+    """Sum over the blocks of each line (R, C, k) of the products with itself and with those at most APART from it."""
+    total = (values**2).sum(1)
+    for step in range(1, APART + 1):
+        total = total + 2 * (values[:, step:] * values[:, :-step]).sum(1)
+    return total

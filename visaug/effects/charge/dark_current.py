@@ -1,5 +1,7 @@
 """Dark current."""
 
+import torch
+
 from visaug.effects.effect import Effect, Parameter, Stage
 
 
@@ -31,6 +33,10 @@ class DarkCurrent(Effect):
     b_per_c = Parameter(
         0.0866, unit="1/C", high=0.5, source="0.0866 doubles it every 8 C, usual for silicon (EMVA 1288)"
     )
+
+    def conditions(self, p, context):
+        heating = torch.exp(p.b_per_c * context.temperature_c)
+        return {"dark_current_e": context.exposure_s * p.a_e_per_s * heating}
 
     def apply(self, signal, p, stream, context):
         if context.reading == "paper":  # electrons are counted already: eq. 11 adds a separate Poisson draw

@@ -16,5 +16,8 @@ class QuantumEfficiency(Effect):
     source = "EMVA 1288 release 4 Linear, eq. 2; the paper, eq. 9"
     value = Parameter(1.0, unit="e-/photon", low=1e-4, high=1.0, source="EMVA 1288: total quantum efficiency")
 
+    def conditions(self, p, context):
+        return {"quantum_efficiency": p.value}
+
     def apply(self, signal, p, stream, context):
         return signal * p.value

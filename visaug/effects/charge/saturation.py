@@ -22,5 +22,8 @@ class Saturation(Effect):
     )
     full_well_e = Parameter(float("inf"), unit="e-", low=1.0, source="EMVA 1288: saturation capacity")
 
+    def conditions(self, p, context):
+        return {"full_well_e": p.full_well_e}
+
     def apply(self, signal, p, stream, context):
         return torch.minimum(signal, p.full_well_e)

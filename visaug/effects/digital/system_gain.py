@@ -5,7 +5,10 @@ from visaug.effects.straight_through import round_through
 
 
 class SystemGain(Effect):
-    """Converts electrons to DN. In the paper's reading the electrons are rounded first (eq. 12)."""
+    """Converts electrons to DN. In the paper's reading the electrons are rounded first (eq. 12).
+
+    Called alone, it converts at the gain `gain_db` for which `gain_e_per_dn` is given.
+    """
 
     name = "system_gain"
     stage = Stage.DIGITAL
@@ -26,6 +29,9 @@ class SystemGain(Effect):
     black_level_dn = Parameter(
         0.0, unit="DN", high=65535.0, source="offset of the converter, equal at every gain"
     )
+
+    def conditions(self, p, context):
+        return {"gain_e_per_dn": p.gain_e_per_dn, "black_level_dn": p.black_level_dn}
 
     def apply(self, signal, p, stream, context):
         if context.reading == "paper":

@@ -11,7 +11,7 @@ class RTSNoise(Effect):
 
     Traps that switch much faster than the frame rate have an independent random state in each frame; slower ones keep their
     state from frame to frame with the probability `kept`. Correlated double sampling subtracts two states of fast traps and
-    gives three levels, -A, 0 and A.
+    gives three levels, -A, 0 and A; a trap that keeps its state from frame to frame has the same in both and does not show.
     """
 
     name = "rts_noise"
@@ -21,7 +21,7 @@ class RTSNoise(Effect):
     summary = "A few pixels jump between discrete levels from frame to frame."
     equation = (
         "V <- V + A_pixel s, s in {0, 1} with P(1) = duty, s_k = s_(k-1) with probability kept, else drawn anew; "
-        "three levels: s = s_1 - s_2"
+        "three levels: s = s_1 - s_2, both drawn anew in each frame"
     )
     source = (
         "X. Wang et al., Random telegraph signal in CMOS image sensor pixels, IEDM 2006; EMVA 1288 "
