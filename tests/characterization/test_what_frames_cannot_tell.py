@@ -116,19 +116,26 @@ def _constant(kind):
     ]
 
 
+def _copies(lab):
+    first = {}
+    keys = [(r.kind, r.exposure_s, r.photons) for r in lab.records]
+    return [first.setdefault(key, f) for key, f in zip(keys, lab.frames)]
+
+
 @pytest.mark.parametrize(
     "made",
     [
         _constant("every"),
         _constant("bias"),
+        _copies,
         lambda lab: [f * 0 if r.kind == "bias" else f for f, r in zip(lab.frames, lab.records)],
         lambda lab: [lab.rng.integers(0, 4096, SHAPE).astype(np.uint16) for _ in lab.frames],
     ],
-    ids=["no noise", "bias without noise", "bias of 0", "arbitrary"],
+    ids=["no noise", "bias without noise", "copies", "bias of 0", "arbitrary"],
 )
 @pytest.mark.parametrize("levels", [(0.1, 0.3, 0.6), (1.3, 1.6)])
 def test_frames_that_are_no_photographs_raise_nothing(made, levels):
-    lab = Lab(5).take("bias", 4).take("dark", 3, 1.0).take("dark", 3, 4.0)
+    lab = Lab(5).take("bias", 6).take("dark", 3, 1.0).take("dark", 3, 4.0)
     for level in levels:
         lab.take("flat", 3, photons=level * FULL_PHOTONS)
     lab.frames = made(lab)

@@ -160,7 +160,7 @@ def residuals_of(frames: FrameSet, indices: tuple[int, ...], shape: tuple[int, i
         left -= (left * mean).sum((1, 2), keepdims=True) / square * mean
     left = left.reshape(len(indices), -1)
     scale = np.sqrt((left**2).mean(1))
-    if not (scale > 0).all():
+    if not (scale > 1e-6).all():  # copies differ by what floats round
         return None
     outlier = 5.0  # standard deviations: single pixels that jump are another matter
     return left[:, (np.abs(left) < outlier * scale[:, None]).all(0)]
