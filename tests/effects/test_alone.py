@@ -131,6 +131,10 @@ def test_a_parameter_that_the_options_leave_without_effect_is_refused():
             for key in unused(effect.parameters, instruments.values(effect, **choice)):
                 with pytest.raises(InputError, match=f"{key}: has no effect in {effect.name}"):
                     effect(**choice, **{key: instruments.usual(effect.parameters[key])})
+                signal, made = instruments.scene(effect, channels=3), effect(**choice)
+                before = made(signal)
+                made.given = {**made.given, key: instruments.usual(effect.parameters[key])}
+                assert torch.equal(made(signal), before)  # it has no effect indeed
                 tried += 1
     assert tried > 10
 
