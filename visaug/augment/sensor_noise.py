@@ -3,6 +3,7 @@
 import inspect
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -231,7 +232,9 @@ class SensorNoise(nn.Module):
         light = srgb_to_linear(light) if encoded else light
         groups = self._groups(draws)
         # in float32 also within autocast, whose half precision is coarser than the noise
-        with torch.autocast(images.device.type, enabled=False):
+        device = images.device.type
+        halves = torch.is_autocast_enabled(device)
+        with torch.autocast(device, enabled=False) if halves else nullcontext():
             pictures = [self._picture(camera, light[here], own, encoded) for camera, here, own in groups]
         if len(pictures) == 1:
             noisy = pictures[0].to(images.dtype)
