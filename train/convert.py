@@ -35,7 +35,8 @@ def convert(
 ) -> Path:
     """Write the parts (``train``, ``val``, ...) as a dataset for ultralytics and return its data.yaml.
 
-    `size` is the width and height of resized copies; left out, the images are linked (copied where links are not to be had).
+    `size` is the width and height of resized copies; without it the images are linked, or copied where the file system has no
+    links.
     """
     destination = Path(destination)
     beside, flip = destination.resolve().parent, list(keypoints.flip or ())

@@ -75,8 +75,8 @@ def which_block(blocks: Sequence[np.ndarray], foreign: Sequence[int], poses: Pos
 def starts_over(images: Sequence[int], others: int) -> int | None:
     """Where a list of detections begins to go through the images once more, as a list of several domains does.
 
-    Several detections of an image stand together, or in the order of their scores. Both are told from a list that rises through
-    the images, and through the same ones again, not more often than there are domains.
+    Several detections of one image are listed together, or in the order of their scores. A list of several domains instead goes
+    through the images in order once per domain, and at least some images occur again.
 
     Args:
         images: the image's number, record by record.

@@ -86,8 +86,8 @@ class Planned:
 
     @cached_property
     def _null_spread(self) -> np.ndarray:
-        every = self.lab.finding([(self.camera, k) for k in range(NULL_SETS)])
-        return np.maximum(every.std(0, ddof=1), self._least_spread)
+        more = self.lab.finding([(self.camera, k) for k in range(SETS, NULL_SETS)])
+        return np.maximum(np.concatenate([self._sets, more]).std(0, ddof=1), self._least_spread)
 
     @cached_property
     def _least_spread(self) -> np.ndarray:

@@ -326,7 +326,10 @@ class Effect:
         raise NotImplementedError
 
     def conditions(self, p: Values, context: Context) -> dict[str, Tensor]:
-        """Conditions by name that the effect's own parameters state. A camera knows them; an effect alone is told them here."""
+        """Conditions, by name, that follow from the effect's own parameters.
+
+        They are used when the effect is called by itself; a camera computes its conditions from all its parameters.
+        """
         return {}
 
     def moments(self, mean: Tensor, p: Values, context: Context) -> tuple[Tensor, Tensor] | None:

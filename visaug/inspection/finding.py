@@ -154,7 +154,7 @@ class Inspection(Reported):
     Attributes:
         findings: patterns beyond temporal noise and pixel non-uniformity, in the order of their evidence.
         kinds: number of frames by kind.
-        kinds_from: by what the kinds were told.
+        kinds_from: source of the kinds: the table, headers, file names, or level and structure.
         bits: of the converter; `bits_stated` says whether the files state them, else they are the fewest usual ones that hold
             the largest code.
         shift: by how many bits the codes are moved up in the files.

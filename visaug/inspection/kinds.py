@@ -58,9 +58,8 @@ def _by_level(frames: FrameSet, unknown: list[int], shift: int) -> dict[int, str
         if before is not None and uniforms[before].is_other_scene(blocks, scale):
             found[before] = found[i] = "image"
         uniforms[i], before = blocks, i
-    if (
-        "scene" in found.values() or "image" in found.values()
-    ):  # what is smooth in other frames is no glow then
+    if "scene" in found.values() or "image" in found.values():
+        # Beside scenes, smooth structure is not taken for a glow.
         found |= {i: "image" for i, blocks in uniforms.items() if blocks.is_structured}
     # Of scenes that change, or of which there is one, what changes is not the camera's.
     still = still and sum(kind == "scene" for kind in found.values()) > 1
@@ -104,9 +103,8 @@ class _Blocks:
     @property
     def is_structured(self) -> bool:
         """Whether the contrast is beyond that of noise, and neighbouring blocks have it in common."""
-        return self.contrast > 16 * self.error and not _is_white(
-            _interaction(self.means)
-        )  # of noise alone the range is 7
+        beyond = 16  # standard errors: the range of noise alone is 7
+        return self.contrast > beyond * self.error and not _is_white(_interaction(self.means))
 
     @property
     def has_edges(self) -> bool:
