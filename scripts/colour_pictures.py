@@ -17,7 +17,7 @@ from matplotlib.colors import LogNorm
 from PIL import Image
 
 from visaug.augment import SensorNoise
-from visaug.augment.light import linear_to_srgb
+from visaug.augment.exposure import linear_to_srgb
 from visaug.camera import Camera
 
 PICTURES = Path(__file__).resolve().parents[1] / "docs" / "pictures"

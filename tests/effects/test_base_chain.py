@@ -10,7 +10,7 @@ import pytest
 import torch
 from scipy import stats
 
-from visaug.augment.light import image_to_photons
+from visaug.augment.exposure import image_to_photons
 from visaug.camera import Camera
 from visaug.core.sampling import Stream
 

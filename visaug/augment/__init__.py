@@ -9,8 +9,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from visaug.augment.albumentations_noise import AlbumentationsNoise
     from visaug.augment.draws import draws_from_json, draws_to_json
+    from visaug.augment.exposure import (
+        image_to_photons,
+        irradiance_to_photons,
+        linear_to_srgb,
+        srgb_to_linear,
+    )
     from visaug.augment.images import ImageNoise
-    from visaug.augment.light import image_to_photons, irradiance_to_photons, linear_to_srgb, srgb_to_linear
     from visaug.augment.sensor_noise import SensorNoise
     from visaug.augment.torchvision_noise import TorchvisionNoise
     from visaug.augment.visnoise import VISNoise
@@ -23,10 +28,10 @@ _HOME = {
     "VISNoise": "visnoise",
     "draws_from_json": "draws",
     "draws_to_json": "draws",
-    "image_to_photons": "light",
-    "irradiance_to_photons": "light",
-    "linear_to_srgb": "light",
-    "srgb_to_linear": "light",
+    "image_to_photons": "exposure",
+    "irradiance_to_photons": "exposure",
+    "linear_to_srgb": "exposure",
+    "srgb_to_linear": "exposure",
 }
 
 __all__ = [

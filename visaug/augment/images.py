@@ -1,7 +1,7 @@
 """Images as datasets hand them out, PIL, NumPy and tensors of 8 bit, 16 bit and floats: to the sensor and back; and `ImageNoise`.
 
 Channels: 1 is gray, 3 colour; 2 and 4 are gray and colour with alpha, which is no light and stays as it is; more are bands.
-See `visaug.augment.light.light_channels`.
+See `visaug.augment.exposure.light_channels`.
 """
 
 import logging
@@ -13,8 +13,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from visaug.augment.light import light_channels
-from visaug.augment.options import MOST, check_pixels, is_whole
+from visaug.augment.exposure import MOST, check_pixels, light_channels
+from visaug.augment.options import is_whole
 from visaug.augment.sensor_noise import SensorNoise, Source
 from visaug.core.errors import InputError
 

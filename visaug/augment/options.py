@@ -1,14 +1,12 @@
-"""What SensorNoise and its adapters accept: options and images, checked with errors that name what is wrong."""
+"""Options of SensorNoise and its adapters, checked with errors that name what is wrong."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from numbers import Integral
 from typing import Any
 
 import torch
-from torch import Tensor
 
-from visaug.camera.loops import ends
 from visaug.camera.spec import MOST_PIXELS
 from visaug.core.errors import InputError
 from visaug.effects.parameter import Parameter, bounds_text
@@ -20,7 +18,6 @@ CHOICES = {
     "black_level": ("subtract", "keep"),
     "resolution": ("network", "sensor"),
 }
-MOST = 1.5  # image value: beyond, the image is of another scale; between 1 and it, it is cut by the sensor
 
 
 def check_choice(name: str, word: Any) -> str:
@@ -119,68 +116,3 @@ def check_replacement(path: str, value: Any, parameter: Parameter) -> None:
     if not fits.all():
         expected = bounds_text(parameter) + (", whole" if parameter.integer else "")
         raise InputError(f"{numbers[~fits][0].item():g} is not valid", field=path, expected=expected)
-
-
-def check_images(images: Any) -> Tensor:
-    """A batch of images (B, C, H, W) of floating-point values in about [0, 1].
-
-    Raises:
-        InputError: no tensor, another number of axes, whole numbers, channels last, no pixels, or values below -0.5 or
-            above 1.5, as an image of 0..255 has them. A NaN is no error.
-    """
-    if not isinstance(images, Tensor):
-        expected = "a tensor (B, C, H, W); for PIL and NumPy images use visaug.augment.ImageNoise"
-        raise InputError(f"is a {type(images).__name__}", field="images", expected=expected)
-    shape = tuple(images.shape)
-    if images.ndim != 4:
-        raise InputError(f"has shape {shape}", field="images", expected="(B, C, H, W)")
-    if not images.dtype.is_floating_point:
-        expected = "floating point in [0, 1]: divide by the largest value of the type (255 for uint8)"
-        raise InputError(f"has type {images.dtype}", field="images", expected=expected)
-    if shape[1] > 4 and shape[3] in (1, 3, 4):
-        expected = "(B, C, H, W): permute(0, 3, 1, 2)"
-        raise InputError(f"has shape {shape}, channels last", field="images", expected=expected)
-    check_pixels(shape)
-    return images
-
-
-def check_pixels(shape: Sequence[int]) -> None:
-    """Raises InputError where images of a shape (..., C, H, W), or (H, W), have no pixels."""
-    if 0 in shape[-3:]:
-        raise InputError(f"has shape {tuple(shape)}, no pixels", field="images", expected="one pixel or more")
-
-
-def check_number_of_draws(draws: Mapping[str, Tensor], images: Tensor) -> None:
-    """Refuses draws of another number of images than these, (B, C, H, W)."""
-    if len(draws["keys"]) != len(images):
-        problem = f"are of {len(draws['keys'])} images"
-        raise InputError(problem, field="draws", expected=f"draw({len(images)}), one for each")
-
-
-def check_values(images: Tensor) -> None:
-    """Refuses values of another scale than [0, 1]; see `check_images`.
-
-    What they look like is said: normalised, high dynamic range, or whole numbers of 8, 12 or 16 bit.
-    """
-    if images.numel() == 0 or torch.compiler.is_compiling():
-        return
-    # An image that goes below the second, with more than this share of its values below 0, has had its mean subtracted:
-    # resampling and a subtracted black level go less far, or in fewer pixels.
-    least, normalized, normalized_share = -0.5, -0.05, 0.25
-    low, high = ends(images.detach())  # a missing value must not hide the scale of the others
-    if high <= MOST and low >= normalized:
-        return
-    there = images.detach()[~images.isnan()].float()
-    negative = float((there < 0).float().mean())
-    bright_share = 0.25  # of values above white: more is no highlight but another scale
-    if low < least or negative > normalized_share:
-        advice = "put the noise before Normalize, or undo it"
-    elif high <= MOST:
-        return  # dips below black, as a resampled image has them: the sensor cuts them
-    elif float((there > 1).float().mean()) < bright_share:
-        advice = "scale a high-dynamic-range image so that white is 1, or clamp its highlights with images.clamp(0, 1)"
-    else:
-        advice = "divide an image of 8 bit by 255, one of 16 bit by 65535, an HDR image by its value of white"
-    share = f", {100 * negative:.0f} % below 0" if negative else ""
-    problem = f"holds values from {low:g} to {high:g}{share}"
-    raise InputError(problem, field="images", expected=f"values in [0, 1]: {advice}")

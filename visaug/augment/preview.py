@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
+from visaug.augment.exposure import linear_to_srgb
 from visaug.augment.files import add_noise
 from visaug.augment.image_io import Picture
-from visaug.augment.light import linear_to_srgb
 from visaug.augment.options import Range
 from visaug.augment.sensor_noise import SensorNoise
 

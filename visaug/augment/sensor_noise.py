@@ -13,9 +13,12 @@ from torch import Tensor, distributed, nn
 from torch.utils.data import get_worker_info
 
 from visaug.augment import options
-from visaug.augment.exposure import Exposure
-from visaug.augment.light import (
+from visaug.augment.exposure import (
+    Exposure,
     are_bands,
+    check_images,
+    check_number_of_draws,
+    check_values,
     is_gray,
     light_channels,
     linear_to_srgb,
@@ -200,8 +203,8 @@ class SensorNoise(nn.Module):
         return self._generator[1]
 
     def forward(self, images: Tensor) -> Tensor:
-        options.check_images(images)
-        options.check_values(images)
+        check_images(images)
+        check_values(images)
         draws = self.draw(images.shape[0])
         return self._noisy(images, draws, None)
 
@@ -217,9 +220,9 @@ class SensorNoise(nn.Module):
             draws: the result of `draw(B)`.
             transfer: meaning of "auto" for these images: "linear" (also if None) or "srgb".
         """
-        options.check_images(images)
-        options.check_values(images)
-        options.check_number_of_draws(draws, images)
+        check_images(images)
+        check_values(images)
+        check_number_of_draws(draws, images)
         return self._noisy(images, draws, transfer)
 
     def _noisy(self, images: Tensor, draws: Mapping[str, Tensor], transfer: str | None) -> Tensor:
@@ -265,7 +268,7 @@ class SensorNoise(nn.Module):
         Returns:
             The same shape and type; None where only `apply_draws` can: colour, several cameras, effects on the picture.
         """
-        options.check_number_of_draws(draws, images)
+        check_number_of_draws(draws, images)
         camera = self.cameras[0]
         plain = len(self.cameras) == 1 and not camera.finishes and self.strength > 0
         plain = plain and (images.shape[1] == 1 or are_bands(images.shape[1], self.mono))

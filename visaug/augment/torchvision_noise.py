@@ -11,8 +11,8 @@ from torchvision import tv_tensors
 from torchvision.transforms import v2
 
 from visaug.augment.draws import nth_frame, of_frames
+from visaug.augment.exposure import check_pixels
 from visaug.augment.images import like, probability, say_what_auto_means, take, to_tensor, used_bits
-from visaug.augment.options import check_pixels
 from visaug.augment.sensor_noise import SensorNoise, Source
 from visaug.core.errors import InputError
 

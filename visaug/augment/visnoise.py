@@ -9,7 +9,8 @@ import torch
 from torch import Tensor
 
 from visaug.augment.draws import nth_frame, of_frames
-from visaug.augment.options import Range, check_images, check_number
+from visaug.augment.exposure import check_images
+from visaug.augment.options import Range, check_number
 from visaug.augment.sensor_noise import SensorNoise, Source
 
 if TYPE_CHECKING:

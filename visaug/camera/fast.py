@@ -104,8 +104,8 @@ def drawn(
     shared = kept and not camera.sensor_effects and all(values[path].size == 1 for path in PATTERNS)
     sets = 1 if shared else batch
     window = (range(origin[0], origin[0] + height), range(origin[1], origin[1] + width))
-    rows = fused.line_patterns(numbers, table, sets, channels, False, window[0])
-    columns = fused.line_patterns(numbers, table, sets, channels, True, window[1])
+    rows = _line_patterns(numbers, table, sets, channels, False, window[0])
+    columns = _line_patterns(numbers, table, sets, channels, True, window[1])
 
     def kept_map(path: str) -> Tensor | None:
         sigma = float(values[path][0]) if kept else 0.0
@@ -113,6 +113,17 @@ def drawn(
         return _kept_map(int(pattern_keys[0]), effect, sigma, channels, window) if sigma else None
 
     return fused.Drawn(numbers, table, rows, columns, (kept_map("prnu.pixel"), kept_map("dsnu.pixel_e")))
+
+
+def _line_patterns(
+    numbers: np.ndarray, keys: np.ndarray, sets: int, channels: int, by_column: bool, window: range
+) -> np.ndarray:
+    """Gains and offsets of the rows, or columns, of a window, (2, sets C, size) float32; other arguments as the kernel's."""
+    size = len(window)
+    out = np.zeros((2, sets * channels, size), np.float32)
+    words, w = np.empty(size + 3, np.uint32), np.empty(size, np.float32)
+    loops.kernel().line_patterns(numbers, keys, sets, channels, by_column, window.start, words, w, out)
+    return out
 
 
 @lru_cache(maxsize=4)

@@ -44,17 +44,6 @@ def keys_of(frames: np.ndarray, cameras: np.ndarray) -> np.ndarray:
     return out
 
 
-def line_patterns(
-    numbers: np.ndarray, keys: np.ndarray, sets: int, channels: int, by_column: bool, window: range
-) -> np.ndarray:
-    """Gains and offsets of the rows, or columns, of a window, (2, sets C, size) float32; other arguments as the kernel's."""
-    size = len(window)
-    out = np.zeros((2, sets * channels, size), np.float32)
-    words, w = np.empty(size + 3, np.uint32), np.empty(size, np.float32)
-    kernel().line_patterns(numbers, keys, sets, channels, by_column, window.start, words, w, out)
-    return out
-
-
 @cache
 def _fork_names() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Names, their number, and whether the pattern is fixed, by column of the table of keys."""

@@ -59,7 +59,7 @@ def _code() -> str:
     """Hash of the program's own code."""
     content = hashlib.blake2b(digest_size=8)
     files = [file for room in ROOMS for file in sorted((ROOT / room).rglob("*.py"))]
-    for file in (*files, ROOT / "augment/light.py"):
+    for file in (*files, ROOT / "augment/exposure.py"):
         content.update(file.read_bytes())
     return content.hexdigest()
 

@@ -8,7 +8,7 @@ import torch
 from scipy import ndimage
 from torch import Tensor
 
-from visaug.augment.light import linear_to_srgb, srgb_to_linear
+from visaug.augment.exposure import linear_to_srgb, srgb_to_linear
 from visaug.camera import Camera
 from visaug.core.errors import InputError, NoSensorNoise
 from visaug.core.wording import counted
