@@ -28,7 +28,7 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
 
 
-def first_of(items: Iterable[object], most: int, between: str = ", ") -> str:
+def first_of(items: Iterable[object], most: int = 6, between: str = ", ") -> str:
     """The first of a list and how many more there are.
 
     Examples:

@@ -26,6 +26,7 @@ import torch
 from threadpoolctl import threadpool_limits
 
 from visaug.camera import Camera
+from visaug.core.cores import cores
 from visaug.core.errors import with_user_line
 from visaug.core.memory import keep_freed
 from visaug.diagnosis.part import MeasuredFrames
@@ -36,7 +37,6 @@ Job = tuple[Camera, int]  # and the number of the simulation
 Part = MeasuredFrames | PicturePart
 Spread = Callable[["Work", Sequence[Job]], Iterable[tuple[np.ndarray, ...]]]
 MOST = 16  # workers: each needs some 100 MB of its own
-WAITING = 2  # jobs for each process that are handed out at a time
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,7 @@ def on_this_machine() -> Spread:
 
 def workers() -> int:
     """Sets that are simulated at a time."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return min(cores, MOST)
+    return min(cores(), MOST)
 
 
 def by_threads() -> Spread:
@@ -131,7 +130,7 @@ class Forked:
             return pool.submit(_in_process, work.uses, last[1], number)
 
         coming = itertools.starmap(submitted, jobs)
-        waiting = deque(itertools.islice(coming, WAITING * workers()))
+        waiting = deque(itertools.islice(coming, 2 * workers()))  # each process has its next job at hand
         try:
             while waiting:
                 result = waiting.popleft().result()

@@ -16,7 +16,6 @@ import numpy as np
 from visaug.core.files import cache_folder
 
 MOST = 2**30  # largest size in bytes; the least recently used entries are removed first
-LEFT = 0.8  # share of that size that stays then
 CHECK_BYTES = 16
 TABLE = "CREATE TABLE IF NOT EXISTS sets (name TEXT PRIMARY KEY, used REAL, content BLOB)"
 
@@ -104,7 +103,7 @@ def _make_room(base: sqlite3.Connection) -> None:
     oldest = base.execute("SELECT name, LENGTH(content) FROM sets ORDER BY used").fetchall()
     gone = []
     for name, length in oldest:
-        if size <= LEFT * MOST:
+        if size <= 0.8 * MOST:  # room for a while, so that not every set removes another
             break
         gone.append((name,))
         size -= length

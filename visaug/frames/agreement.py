@@ -12,7 +12,6 @@ from visaug.frames.keywords import SETTING_KEYWORDS
 from visaug.frames.units import number_or_none
 
 _SHARED = ("GAIN", *(name for name in SETTING_KEYWORDS if name != "PEDESTAL"))  # binning left out is 1
-LISTED = 6  # files that a note lists
 
 Row = dict[str, Any]
 
@@ -20,7 +19,7 @@ Row = dict[str, Any]
 def names(rows: Sequence[Row]) -> str:
     """How many frames, and the first of their names."""
     listed = [r["file"] for r in rows]
-    return f"{len(listed)} frames ({first_of(listed, LISTED)})" if len(listed) > 1 else listed[0]
+    return f"{len(listed)} frames ({first_of(listed)})" if len(listed) > 1 else listed[0]
 
 
 def agreed(rows: list[Row], folder: Path) -> tuple[list[Row], list[str]]:
@@ -40,7 +39,7 @@ def agreed(rows: list[Row], folder: Path) -> tuple[list[Row], list[str]]:
     several = sorted({r["setting"] for r in rows if r["setting"]})
     if len(several) > 1:
         notes.append(
-            f"setting: frames of {len(several)} settings ({'; '.join(several[:LISTED])}); each is a camera of its own: the "
+            f"setting: frames of {len(several)} settings ({first_of(several, between='; ')}); each is a camera of its own: the "
             "one with most flats is measured, the others are excluded, so give each its own folder"
         )
     return rows, notes
@@ -70,7 +69,7 @@ def _raw(rows: list[Row], folder: Path, notes: list[str]) -> list[Row]:
     done = [r for r in rows if r["_calibrated"]]
     if not done:
         return rows
-    why = "; ".join(sorted({r["_calibrated"] for r in done})[:LISTED])
+    why = first_of(sorted({r["_calibrated"] for r in done}), between="; ")
     if len(done) == len(rows):
         expected = "raw frames, nothing subtracted or divided"
         raise InputError(f"all frames were calibrated already ({why})", file=folder, expected=expected)

@@ -197,7 +197,7 @@ def _left_out(folder: Path, used: set[Path]) -> list[str]:
     """A warning that names the files in and below a folder that may hold frames and are not looked at; empty for none."""
     found = [f for f in frame_files(folder) if f not in used]
     found += [f for f in sorted(folder.rglob("*")) if f.suffix.lower() in _FOREIGN and f.is_file()]
-    listed = first_of((f.relative_to(folder).as_posix() for f in found), 6)
+    listed = first_of(f.relative_to(folder).as_posix() for f in found)
     said = (
         f"files_left_out: {len(found)} files in or below the folder are not read ({listed}); `visaug frames` lists what "
         "each tells, and a frames.csv decides"

@@ -13,7 +13,7 @@ from typing import Any
 from visaug.core.errors import InputError, naming
 from visaug.core.wording import first_of
 from visaug.frames import pixels
-from visaug.frames.agreement import LISTED, agreed, names
+from visaug.frames.agreement import agreed, names
 from visaug.frames.headers import Facts, frames_of
 from visaug.frames.names import Named, read_name
 from visaug.frames.raw import check_size
@@ -157,7 +157,7 @@ def survey(
     notes += _order(rows)
     if unreadable:
         files_are = "file is" if len(unreadable) == 1 else "files are"
-        listed = first_of(unreadable, LISTED, "; ")
+        listed = first_of(unreadable, between="; ")
         notes.append(f"unreadable_files: {len(unreadable)} {files_are} left out: {listed}")
     found = Survey(folder, rows, notes)
     found.notes += _notes(found)
@@ -274,5 +274,5 @@ def _notes(found: Survey) -> list[str]:
     for word in dict.fromkeys(word for r in rows for word in r["_said"]):
         those = [r for r in rows if word in r["_said"]]
         details = sorted({r["_said"][word] for r in those})
-        notes.append(f"{word}: {_SAID[word]} ({first_of(details, LISTED, '; ')}): {names(those)}")
+        notes.append(f"{word}: {_SAID[word]} ({first_of(details, between='; ')}): {names(those)}")
     return notes
