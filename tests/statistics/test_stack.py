@@ -5,7 +5,7 @@ import pytest
 
 from visaug.frames import FrameRecord, FrameSet
 from visaug.statistics import FrameData, Stacks, fingerprint_values
-from visaug.statistics.kernels import median_of_sizes
+from visaug.statistics.kernels import median, median_of_sizes
 from visaug.statistics.reduction import block_means, edges, without_lone_pixels
 from visaug.statistics.stack import LAGS, Noise, Stack
 
@@ -160,3 +160,21 @@ def test_two_uses_give_the_third_without_another_pass():
         FrameData(frames, use, stacks=stacks).groups[0].noise.variance  # noqa: B018
     assert sorted(map(len, stacks._known)) == [4, 8]
     assert set(LAGS) == set(stacks.noise(tuple(range(12))).correlations)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 1000, 1001])
+def test_a_median_is_numpys_to_the_bit(count):
+    rng = np.random.default_rng(count)
+    wide = 1e20 * rng.standard_cauchy(count)
+    ends = np.where(rng.random(count) < 0.5, np.inf, rng.normal(size=count))
+    for values in (
+        rng.normal(size=count),
+        rng.integers(-3, 3, count),
+        rng.integers(900, 1100, count),
+        wide,
+        ends,
+    ):
+        numbers = values.astype(np.float32)
+        assert median(numbers) == np.median(numbers)
+    numbers[0] = np.nan
+    assert np.isnan(median(numbers))

@@ -11,6 +11,7 @@ from visaug.characterization.views import cropped, repaired, replaced
 from visaug.core.wording import counted, listed
 from visaug.frames import FrameSet, Group
 from visaug.statistics.findings import Findings
+from visaug.statistics.kernels import median_of
 
 _APART = 8.0  # noise of single pixels: levels, or values, that differ by more differ by no chance
 _MOST = 0.1  # share of the pixels beyond which they are no defects of an otherwise sound sensor
@@ -93,7 +94,7 @@ def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) 
                 counts = np.bincount(values.ravel(), minlength=len(codes))
                 counts[: len(codes)] += codes
                 codes = counts
-            medians.append(float(np.median(frame)))
+            medians.append(float(median_of(frame)))
         middle = float(np.median(medians))
         noise = max(float(np.median([facts[i].noise for i in group.indices])), 1.0)
         levels.append(GroupSummary(group.kind, group.indices, middle, noise, codes if whole else None))

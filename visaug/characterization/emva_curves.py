@@ -8,6 +8,7 @@ from scipy import ndimage, stats
 from visaug.characterization.groups import FlatLevel
 from visaug.characterization.moments import GroupMoments
 from visaug.core.constants import MAD
+from visaug.statistics.kernels import median_of
 
 HIGH_PASS = 5  # the standard's box of 5 x 5
 
@@ -74,8 +75,8 @@ def pattern_curves(values: np.ndarray, noise: float) -> dict[str, np.ndarray]:
 def defect_counts(values: np.ndarray) -> dict[str, np.ndarray]:
     """Pixels farther from the mean than so many robust standard deviations, and how many a normal pattern has."""
     sigmas = (4.0, 5.0, 6.0, 8.0)
-    centred = values - np.median(values)
-    spread = MAD * np.median(np.abs(centred))
+    centred = values - median_of(values)
+    spread = MAD * median_of(np.abs(centred))
     return {
         "sigma": np.array(sigmas),
         "limit": np.array(sigmas) * spread,

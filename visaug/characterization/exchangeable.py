@@ -103,11 +103,12 @@ def _check_variances(
 def frame_variances(residuals: np.ndarray) -> tuple[np.ndarray, float]:
     """Variance of the noise of each of n frames, from their residuals (n, P) about their mean, and its standard error."""
     n, pixels = residuals.shape
-    square = (residuals**2).mean(1)
+    squares = residuals**2
+    square = squares.mean(1)
     variances = (square - square.sum() / (n * (n - 1))) / (1 - 2 / n)
     # Of normal noise, from the covariances of the squares; tails and uneven pixels by the fourth moment.
     factor = (2 * (1 - 1 / n) ** 2 - 4 / n**2 + 2 / (n**2 * (n - 1))) / (1 - 2 / n) ** 2
-    kurtosis = float((residuals**4).mean() / (residuals**2).mean() ** 2)
+    kurtosis = float((squares**2).mean() / squares.mean() ** 2)
     usual = float(np.median(variances))
     return variances, usual * float(np.sqrt(factor * max(kurtosis - 1, 2) / 2 / pixels))
 

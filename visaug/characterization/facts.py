@@ -8,6 +8,7 @@ import numpy as np
 from visaug.core.constants import MAD
 from visaug.core.errors import InputError
 from visaug.frames import FrameSet
+from visaug.statistics.kernels import median_of
 
 PLACES = ((0, 0), (0, 1), (1, 0), (1, 1))  # of a 2 x 2
 
@@ -74,7 +75,7 @@ def _noise(frame: np.ndarray) -> float:
     if frame.shape[1] < 4:
         return float(frame.std(dtype=np.float64))
     difference = frame[::4, 2:] - frame[::4, :-2]
-    return float(MAD * np.median(np.abs(difference - np.median(difference))) / np.sqrt(2))
+    return float(MAD * median_of(np.abs(difference - median_of(difference))) / np.sqrt(2))
 
 
 def temporal_variances(frames: FrameSet, indices: Sequence[int]) -> np.ndarray:

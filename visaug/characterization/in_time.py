@@ -16,7 +16,7 @@ from visaug.characterization.views import repaired, replaced
 from visaug.frames import FrameSet, Group
 from visaug.frames.checks import PILED_SHARE
 from visaug.statistics.findings import FALSE_ALARM, FROM_NOISE, Findings
-from visaug.statistics.kernels import rank_values
+from visaug.statistics.kernels import median_of, rank_values
 
 
 def without_stale(
@@ -95,7 +95,7 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
     for group, p in zip(several, peaks):
         if p.full or p.cut or (group.kind != "flat" and not dips):
             continue
-        shot = np.maximum(p.second - np.median(p.second), 0.0) * gain  # bright pixels have more of it
+        shot = np.maximum(p.second - median_of(p.second), 0.0) * gain  # bright pixels have more of it
         noise = np.sqrt(p.noise**2 + shot)
         apart = np.maximum(p.first - p.second - found.step_dn, 0.0)  # rounding adds up to one step
         excess = np.where(apart > tail, apart / noise, 0.0)
@@ -231,7 +231,7 @@ def _peaks(frames: FrameSet, group: Group) -> _Peaks:
 
 def _levels(frame: np.ndarray, by_rows: bool) -> np.ndarray:
     """Median of each row, (H, 1), or of the frame, (1, 1)."""
-    return np.median(frame, 1, keepdims=True) if by_rows else np.median(frame, keepdims=True)
+    return np.median(frame, 1, keepdims=True) if by_rows else np.full((1, 1), median_of(frame))
 
 
 def _rough_gain(groups: Sequence[Group], peaks: Sequence[_Peaks]) -> float:
@@ -241,9 +241,9 @@ def _rough_gain(groups: Sequence[Group], peaks: Sequence[_Peaks]) -> float:
     if not flats:
         return 0.0
     bright = max(flats, key=lambda p: p.noise)
-    floor = min((float(np.median(p.second)) for p in darks), default=0.0)
+    floor = min((float(median_of(p.second)) for p in darks), default=0.0)
     quiet = min((p.noise for p in darks), default=0.0)
-    signal = float(np.median(bright.second)) - floor
+    signal = float(median_of(bright.second)) - floor
     return max(bright.noise**2 - quiet**2, 0.0) / signal if signal > 0 else 0.0
 
 

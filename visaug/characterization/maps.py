@@ -16,6 +16,7 @@ from visaug.characterization.nonuniformity import surface, two_way
 from visaug.core.constants import MAD
 from visaug.core.errors import InputError
 from visaug.statistics.findings import Findings
+from visaug.statistics.kernels import median_of
 
 if TYPE_CHECKING:
     from visaug.characterization.result import Characterization
@@ -79,8 +80,8 @@ def map_headers(found: Findings) -> dict[str, dict[str, str | float]]:
 
 
 def _stands_out(values: np.ndarray) -> np.ndarray:
-    middle = np.median(values)
-    spread = MAD * np.median(np.abs(values - middle))
+    middle = median_of(values)
+    spread = MAD * median_of(np.abs(values - middle))
     return (values - middle) / max(float(spread), 1e-12)
 
 

@@ -13,6 +13,7 @@ from visaug.characterization.moments import GroupMoments
 from visaug.core.constants import MAD
 from visaug.core.intervals import Interval, variance_combination
 from visaug.statistics.findings import Findings
+from visaug.statistics.kernels import median_of
 
 PARTS = ("row", "column", "pixel")
 
@@ -85,7 +86,7 @@ def two_way(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, int
         rows, columns = filled.mean(1) - mean, filled.mean(0) - mean
         fitted = mean + rows[:, None] + columns[None]
         residual = values - fitted
-        spread = MAD * np.median(np.abs(residual - np.median(residual)))
+        spread = MAD * median_of(np.abs(residual - median_of(residual)))
         bad = np.abs(residual) > 8.0 * max(spread, 1e-12)  # defects, no sample of a normal pattern
         if not bad.any() or bad.mean() > 0.05:
             bad[:] = False

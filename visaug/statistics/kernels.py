@@ -216,6 +216,61 @@ def median_of_sizes(values):
 
 
 @njit(**EXACT)
+def _count_of(counts, rank):
+    """Place in a table of counts of the number of a rank, and its rank among those that are counted there."""
+    place = 0
+    while rank >= counts[place]:
+        rank -= counts[place]
+        place += 1
+    return place, rank
+
+
+@njit(inline="always")
+def _in_order(bits):
+    """The bits of a float32 as a whole number that is in the order of the numbers."""
+    return ~bits if bits >> np.uint32(31) else bits | np.uint32(0x80000000)
+
+
+@njit(**EXACT)
+def _lower_half(bits, upper, counts):
+    """Of numbers whose upper 16 bits in order are `upper`, counts of the lower 16."""
+    counts[:] = 0
+    for k in range(bits.size):
+        x = _in_order(bits[k])
+        if x >> np.uint32(16) == upper:
+            counts[x & np.uint32(0xFFFF)] += 1
+
+
+@njit(**EXACT)
+def median(values):
+    """`np.median` of float32 numbers (n,), to the bit: 16 leading bits are counted, then the other 16."""
+    bits, nan = values.view(np.uint32), np.float32(np.nan)
+    counts, middle = np.zeros(1 << 16, np.int64), np.empty(2, np.uint32)
+    for k in range(bits.size):
+        if bits[k] & np.uint32(0x7FFFFFFF) > np.uint32(0x7F800000):
+            return nan
+        counts[_in_order(bits[k]) >> np.uint32(16)] += 1
+    if bits.size == 0:
+        return nan
+    upper, rank = _count_of(counts, (bits.size - 1) // 2)
+    next_upper, next_rank = _count_of(counts, bits.size // 2)
+    _lower_half(bits, upper, counts)
+    middle[0] = (upper << 16) + _count_of(counts, rank)[0]
+    if next_upper != upper:
+        _lower_half(bits, next_upper, counts)
+    middle[1] = (next_upper << 16) + _count_of(counts, next_rank)[0]
+    for k in range(2):
+        middle[k] = middle[k] ^ np.uint32(0x80000000) if middle[k] >> np.uint32(31) else ~middle[k]
+    ordered = middle.view(np.float32)
+    return (ordered[0] + ordered[1]) / np.float32(2)
+
+
+def median_of(values: np.ndarray) -> Any:
+    """`np.median` of all values of an array, in a fifth of the time where they are float32."""
+    return np.float32(median(values.ravel())) if values.dtype == np.float32 else np.median(values)
+
+
+@njit(**EXACT)
 def rank_values(frame, before, n, first, second, which, least, next_least):
     """Takes frame n of several into the greatest two and the least two values of every pixel, all (H, W).
 
