@@ -261,6 +261,14 @@ def test_full_scale_photons_make_brightness_depend_on_the_gain(fast):
     assert mean == pytest.approx(5000 * 0.61 / 0.19 / (65535 - 240), rel=1e-3)
 
 
+def test_values_keep_their_precision_in_a_module_of_half_precision():
+    """A full well of 100,000 e- is infinite in float16, and white another level."""
+    flat = torch.full((1, 1, 32, 32), 0.5)
+    noises = [VISNoise(camera(), values={"full_well_e": 1e5, "gain_e_per_dn": 0.19}, seed=3) for _ in "ab"]
+    assert torch.equal(torch.nn.Sequential(noises[0]).half()(flat), noises[1](flat))
+    assert not noises[1].state_dict()
+
+
 def test_irradiance_is_the_relation_of_emva_1288():
     # Release 4 Linear, eq. 4: mu_p = 50.34 A[um^2] t[ms] lambda[um] E[uW/cm^2]
     photons = irradiance_to_photons(2.0e-2, 0.525e-6, (3.45e-6) ** 2, 4e-3)  # 2 uW/cm^2

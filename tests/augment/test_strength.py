@@ -145,3 +145,17 @@ def test_a_number_is_a_range_of_no_width():
     draws = SensorNoise(camera(), gain_db=9, exposure=0.25).draw(4)
     assert draws["gain_db"].tolist() == [9.0] * 4
     assert draws["exposure"].tolist() == [0.25] * 4
+
+
+@pytest.mark.parametrize("strength", [0.25, 0.5, 3.0])
+@pytest.mark.parametrize("black_level", ["subtract", "keep"])
+def test_strength_keeps_the_brightness_of_a_given_number_of_photons(strength, black_level, fast):
+    cam = camera(full_well_e=9000)
+    options = {"full_scale_photons": 7000.0, "black_level": black_level}
+    mean, variance = moments(0.35, fast, cam, **options)
+    own_mean, own_variance = moments(0.35, fast, cam, strength=strength, **options)
+    assert own_mean == pytest.approx(mean, abs=5 * max(variance, own_variance) ** 0.5 / SIDE * 2**0.5)
+    per_dn = 1 / (2**BITS - 1) if black_level == "keep" else 1 / min(RANGE_DN, 9000 / GAIN)
+    rounding = per_dn**2 / 12  # of the converter, which strength leaves as it is
+    grown = strength**2 * (variance - rounding) + rounding
+    assert own_variance == pytest.approx(grown, rel=2**0.5 * ERROR)

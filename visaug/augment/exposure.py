@@ -192,6 +192,8 @@ class Exposure:
             }
             share = share.to(device, torch.float32).view(-1, 1, 1, 1)
         subtract, full_scale = noise.black_level == "subtract", noise.full_scale_photons
+        if full_scale is not None:
+            full_scale /= noise.strength**2  # as all charge before the readout
         self.scale = scale_of(camera, self.values, share, subtract, full_scale)
 
     def of_light(self, light: Tensor, path: ColourPath | None, scale: int) -> Tensor:

@@ -143,7 +143,8 @@ class SensorNoise(nn.Module):
             expected = "subtract for a colour camera, or mono=True"
             raise InputError(problem, field="black_level", expected=expected)
         self._generator: tuple[tuple[int | None, int], torch.Generator] | None = None
-        self._names: dict[str, str] = {}
+        self._names: dict[str, str] = {}  # of parameters of this module
+        self._values: dict[str, Tensor] = {}  # the others; no buffers, which `.half()` would round
         for path, value in (values or {}).items():
             self._add_value(path, value)
 
@@ -159,11 +160,11 @@ class SensorNoise(nn.Module):
         if len(self.cameras) > 1 and torch.as_tensor(value).numel() > 1:
             expected = "one number, for several cameras"
             raise InputError("has a value for each image", field=path, expected=expected)
-        name = self._names[path] = "value_" + path.replace(".", "_")
         if isinstance(value, nn.Parameter):
-            self.register_parameter(name, value)
+            self._names[path] = "value_" + path.replace(".", "_")
+            self.register_parameter(self._names[path], value)
         else:
-            self.register_buffer(name, torch.as_tensor(value, dtype=torch.float32), persistent=False)
+            self._values[path] = torch.as_tensor(value, dtype=torch.float32)
 
     def draw(self, count: int, same_on_batch: bool = False) -> dict[str, Tensor]:
         """Draws random keys and parameters for `count` images; see `visaug.augment.draws`."""
@@ -303,12 +304,16 @@ class SensorNoise(nn.Module):
     def _exposure(self, camera: Camera, draws: Mapping[str, Tensor], light: Tensor) -> Exposure:
         may_be_fast, known = self._may_be_fast(light), camera.arrays()
         changed = {path: value for path, value in draws.items() if path in known}
-        for path, name in self._names.items():
-            changed[path] = getattr(self, name)
-            if (count := changed[path].numel()) not in (1, len(light)):
+        for path, value in self._given().items():
+            if (count := value.numel()) not in (1, len(light)):
                 problem = f"has {count} values for {len(light)} images"
                 raise InputError(problem, field=path, expected="one number, or one for each image")
+            changed[path] = value
         return Exposure(camera, draws, changed, light.device, may_be_fast, self)
+
+    def _given(self) -> dict[str, Tensor]:
+        """The replacements of camera parameters by path."""
+        return self._values | {path: getattr(self, name) for path, name in self._names.items()}
 
     def _pixels_per_pixel(self, camera: Camera, light: Tensor) -> int:
         if self.resolution == "network":
@@ -323,7 +328,7 @@ class SensorNoise(nn.Module):
             return False
         if not torch.is_grad_enabled():
             return True
-        return not (light.requires_grad or any(getattr(self, n).requires_grad for n in self._names.values()))
+        return not (light.requires_grad or any(value.requires_grad for value in self._given().values()))
 
     def described(self) -> str:
         """Cameras, transfer function, seed, and the options that are not at their defaults, as in a call."""
@@ -339,8 +344,8 @@ class SensorNoise(nn.Module):
                 a_range = name in ("gain_db", "exposure")
                 value = value[0] if a_range and value[0] == value[-1] else value
                 words.append(f"{name}={value!r}")
-        if self._names:
-            words.append(f"values of {', '.join(self._names)}")
+        if given := self._given():
+            words.append(f"values of {', '.join(given)}")
         return ", ".join(words)
 
     extra_repr = described

@@ -13,7 +13,7 @@ from torch import Tensor
 from visaug.camera import Camera
 from visaug.camera.history import DEEPEST, SMALL, Reach, is_of_whole_frame
 from visaug.core.errors import InputError
-from visaug.core.sampling import Stream, derive_key
+from visaug.core.sampling import Stream, as_seed, derive_key
 from visaug.frames import FrameRecord, FrameSet
 from visaug.frames.record import Window
 
@@ -54,7 +54,7 @@ def simulate(
         >>> visaug.simulate(camera, plan).read(0).shape
         (8, 8)
     """
-    camera = Camera.load(camera)
+    camera, seed = Camera.load(camera), as_seed(seed)
     plan = FrameSet.of(plan, camera.resolution)
     frames: list[np.ndarray] = []
     places = range(len(plan)) if keep is None else sorted(keep)

@@ -12,7 +12,7 @@ from visaug.core.documents import read_yaml
 from visaug.core.errors import InputError
 from visaug.core.nearest import did_you_mean
 from visaug.effects import Parameter, catalogue
-from visaug.effects.parameter import bounds_text, check_value
+from visaug.effects.parameter import bounds_text, check_value, plain
 from visaug.effects.readout.read_noise import LEAST_SHAPE
 
 MOST_PIXELS = 65535  # of a sensor's rows, and of its columns
@@ -283,7 +283,7 @@ def _check_effect(entry: dict[str, Any], path: str, file: Path | None) -> None:
 def _number(value: Any) -> Any:
     """The number; YAML 1.1 reads 1e-3 as text."""
     try:
-        return float(value) if isinstance(value, str) else value
+        return float(value) if isinstance(value, str) else plain(value)
     except ValueError:
         return value
 
