@@ -316,6 +316,19 @@ def test_albumentations_writes_itself_to_json_and_comes_back():
     )
 
 
+@pytest.mark.parametrize("options", [{}, {"seed": 4}], ids=str)
+def test_albumentations_replays_every_call_through_json(options):
+    """Also where the numbers come from the transform's own seed, of which each call takes others."""
+    albumentations = pytest.importorskip("albumentations")
+    replay = albumentations.ReplayCompose([AlbumentationsNoise(CAMERA, gain_db=(0.0, 6.0), **options)])
+    pair = {"image": picture(1, np.uint8, 100), "images": np.stack([picture(1, np.uint8, 90)] * 2)}
+    calls = [replay(**pair) for _ in range(3)]
+    assert not np.array_equal(calls[1]["image"], calls[2]["image"])
+    for call in calls:
+        again = albumentations.ReplayCompose.replay(json.loads(json.dumps(call["replay"])), **pair)
+        assert all(np.array_equal(again[key], call[key]) for key in pair)
+
+
 def test_albumentations_restores_a_camera_with_measured_maps_from_another_folder(tmp_path, monkeypatch):
     albumentations = pytest.importorskip("albumentations")
     folder = tmp_path / "measured"

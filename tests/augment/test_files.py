@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
+import torch
 from click.testing import CliRunner
 from PIL import Image
 
@@ -120,6 +121,17 @@ def test_same_seed_same_bytes_whatever_the_order(folder, camera, tmp_path):
     d, e = contents(tmp_path / "d"), contents(tmp_path / "e")
     assert e
     assert all(d[name] == content for name, content in e.items())
+
+
+def test_same_seed_same_bytes_in_every_rank_of_a_job(camera, tmp_path, monkeypatch):
+    """A run that a launcher began as rank 1 is resumed by any other; the random state of the caller stays."""
+    png(tmp_path / "a.png")
+    state = torch.random.get_rng_state()
+    for rank in ("", "0", "1", "7"):
+        monkeypatch.setenv("RANK", rank)
+        augment_files([tmp_path / "a.png"], tmp_path / f"rank{rank}", camera)
+    assert len({(tmp_path / f"rank{rank}" / "a.png").read_bytes() for rank in ("", "0", "1", "7")}) == 1
+    assert torch.equal(torch.random.get_rng_state(), state)
 
 
 def test_noise_differs_between_files_of_equal_content(camera, tmp_path):

@@ -275,10 +275,10 @@ def add_noise(picture: Picture, noise: SensorNoise, seed: int, bits: int | None 
     light = pixels[..., :colours]
     top = _white(picture, bits)
     clean = torch.from_numpy((light.astype(np.float64) / top).clip(0, 1).astype(np.float32))
-    with torch.random.fork_rng(devices=[]), torch.no_grad():
-        torch.manual_seed(seed)
+    with torch.no_grad():
+        draws = noise.draw(1, source=torch.Generator().manual_seed(seed))
         batch = clean.permute(2, 0, 1)[None].contiguous()
-        noisy = noise.apply_draws(batch, noise.draw(1), transfer=picture.transfer)[0].permute(1, 2, 0)
+        noisy = noise.apply_draws(batch, draws, transfer=picture.transfer)[0].permute(1, 2, 0)
     result = pixels.copy()
     values = noisy.double().numpy() * top
     if pixels.dtype.kind != "f":

@@ -166,9 +166,16 @@ class SensorNoise(nn.Module):
         else:
             self._values[path] = torch.as_tensor(value, dtype=torch.float32)
 
-    def draw(self, count: int, same_on_batch: bool = False) -> dict[str, Tensor]:
-        """Draws random keys and parameters for `count` images; see `visaug.augment.draws`."""
-        number, source = 1 if same_on_batch else count, self._random_source()
+    def draw(
+        self, count: int, same_on_batch: bool = False, source: torch.Generator | None = None
+    ) -> dict[str, Tensor]:
+        """Draws random keys and parameters for `count` images; see `visaug.augment.draws`.
+
+        Args:
+            same_on_batch: one draw for all images.
+            source: of the random numbers, whatever the seed, the worker and the rank; None follows these.
+        """
+        number, source = 1 if same_on_batch else count, source or self._random_source()
         draws = {"keys": _keys(number, source)}
         if self.fixed_pattern == "camera":  # the individual that `simulate` has at this seed
             kept = signed(derive_key(self.seed or 0, "camera"))
