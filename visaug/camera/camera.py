@@ -197,7 +197,7 @@ class Camera:
                     raise InputError("is not a parameter of this camera", field=path, expected=expected)
                 entry[key] = value
         try:
-            return self._changed(content)
+            return self.with_content(content)
         except InputError as mistake:
             raise _by_name(mistake, content.get("effects", ())) from None
 
@@ -215,7 +215,7 @@ class Camera:
         content.setdefault("effects", []).append({"name": name, **parameters, **middles})
         for key, both in ranges.items():
             content.setdefault("randomize", {})[f"{name}.{key}"] = {"uniform": list(both)}
-        return self._changed(content)
+        return self.with_content(content)
 
     def without_effect(self, name: str) -> "Camera":
         """Returns the camera without one of its further effects and its entries in `randomize`."""
@@ -227,9 +227,10 @@ class Camera:
         content["correlated"] = [
             (a, b, c) for a, b, c in pairs if not (a.startswith(own) or b.startswith(own))
         ]
-        return self._changed(content)
+        return self.with_content(content)
 
-    def _changed(self, content: dict[str, Any]) -> "Camera":
+    def with_content(self, content: dict[str, Any]) -> "Camera":
+        """The camera of another content of its file; measured maps stay what and where they are."""
         spec = check_spec(content)
         names, old = ({e: name for e, (name, _) in named_maps(s).items()} for s in (spec, self.spec))
         same = names == old and spec.resolution == self.resolution
