@@ -5,6 +5,7 @@ import logging
 import os
 from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
+from math import isinf
 from pathlib import Path
 from typing import Any
 
@@ -384,11 +385,20 @@ def _by_name(mistake: InputError, effects: Sequence[Mapping[str, Any]]) -> Input
 
 
 def _with_all_used(spec: CameraSpec) -> CameraSpec:
-    """The same; says which given parameters have no effect beside the chosen options."""
-    for entry in spec.effects:
-        for key, option in unused(catalogue()[entry["name"]].parameters, entry).items():
-            message = "%s.%s = %s has no effect; expected %s"
-            logging.getLogger("visaug").warning(message, entry["name"], key, entry[key], option)
+    """The same; says which given parameters have no effect beside the chosen options, and which spreads have none."""
+    idle = [
+        (entry["name"], key, entry[key], option)
+        for entry in spec.effects
+        for key, option in unused(catalogue()[entry["name"]].parameters, entry).items()
+    ]
+    values = paths.numeric_values(spec)
+    for path, spread in spec.randomize.items():
+        around = spread if not isinstance(spread, dict) else spread.get("std", spread.get("half_normal"))
+        if around and (isinf(values[path]) or (values[path] == 0 and around is spread)):
+            expected = f"another law, such as {{uniform: [a, b]}}: the value is {values[path]:g}"
+            idle.append(("randomize", path, spread, expected))
+    for each in idle:
+        logging.getLogger("visaug").warning("%s.%s = %s has no effect; expected %s", *each)
     return spec
 
 

@@ -1,6 +1,7 @@
 """Schema of camera.yaml; unknown keys and impossible values are refused with the key's path."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -300,7 +301,10 @@ def _check_randomize(spec: CameraSpec, file: Path | None) -> None:
             raise InputError(
                 "is not a numeric parameter of this camera", file=file, field=field, expected=expected
             )
-        _check_spread(spread, place_of(path).parameter, field, file)
+        parameter = place_of(path).parameter
+        if path == "black_level_dn":  # as the value itself, it leaves a range for the signal
+            parameter = replace(parameter, high=2.0**spec.bit_depth - 2)
+        _check_spread(spread, parameter, field, file)
     for i, (one, other, coefficient) in enumerate(spec.correlated):
         field = f"correlated.{i}"
         for path in (one, other):
@@ -308,6 +312,9 @@ def _check_randomize(spec: CameraSpec, file: Path | None) -> None:
                 raise InputError(
                     f"{path!r} is not a numeric parameter of this camera", file=file, field=field
                 )
+        if any({one, other} == {*pair[:2]} for pair in spec.correlated[:i]):
+            expected = "one correlation of two paths"
+            raise InputError(f"{one} and {other} are paired twice", file=file, field=field, expected=expected)
         if one == other or not -1 < coefficient < 1:
             expected = "two different paths and a correlation between -1 and 1"
             raise InputError("is not a correlation", file=file, field=field, expected=expected)
