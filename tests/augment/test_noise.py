@@ -218,6 +218,40 @@ def test_population_uses_every_camera(fast):
     assert 5 < noise._params["camera"].sum() < 35  # 1e-6 outside
 
 
+def test_what_one_camera_draws_is_not_the_others(fast):
+    """Of a population: an image's numbers are those of its own camera, drawn or as they stand in its file."""
+    drawn = {"read_noise.sigma_e": 0.1, "row_noise.sigma_e": 0.1, "full_well_e": 0.1}
+    noisy = camera(
+        read_noise={"sigma_e": 400.0},
+        effects=[{"name": "row_noise", "sigma_e": 90.0}],
+        full_well_e=9000.0,
+        randomize=drawn,
+    )
+    rows = camera(read_noise={"sigma_e": 50.0}, effects=[{"name": "row_noise", "sigma_e": 7.0}])
+    plain = camera(read_noise={"sigma_e": 10.0}, randomize={"gain_db": {"std": 1.0}})
+    population = [rows, noisy, plain]
+    noise = SensorNoise(population, fast=fast, seed=2, black_level="keep")
+    draws = noise.draw(300)
+    for number, own in enumerate(population):
+        here = draws["camera"] == number
+        for path in (*drawn, "gain_db"):
+            values, nominal = draws[path][here], own.values().get(path)
+            if path in own.spec.randomize:
+                assert len(values.unique()) == len(values)
+            elif nominal is not None:
+                assert (values == torch.tensor(nominal)).all()
+        alone = SensorNoise(own, fast=fast, seed=2, black_level="keep")
+        spread, by_itself = (
+            each.apply_draws(torch.zeros(40, 1, 24, 24), some).std((1, 2, 3)).median().item()
+            for each, some in (
+                (noise, {name: value[here][:40] for name, value in draws.items()}),
+                (alone, alone.draw(40)),
+            )
+        )
+        assert spread == pytest.approx(by_itself, rel=0.2)
+    assert not any("read_noise" in path for path in SensorNoise([rows, camera()]).draw(2))
+
+
 def test_same_on_batch_and_probability(fast):
     images = torch.full((200, 1, 8, 8), 0.5)
     same = VISNoise(camera(randomize=RANDOM), same_on_batch=True, fast=fast)(images[:4])

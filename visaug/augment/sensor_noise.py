@@ -117,6 +117,10 @@ class SensorNoise(nn.Module):
         super().__init__()
         self.cameras = _population(camera)
         self._spreads = [spreads(camera) for camera in self.cameras]
+        drawn = {path for random in self._spreads for path in random.paths}
+        known = [camera.values() for camera in self.cameras]
+        # 0 where a camera has no such parameter
+        self._nominal = {path: torch.tensor([values.get(path, 0.0) for values in known]) for path in drawn}
         self.fixed_pattern = options.check_choice("fixed_pattern", fixed_pattern)
         self.transfer = options.check_choice("transfer", transfer)
         self.black_level = options.check_choice("black_level", black_level)
@@ -186,8 +190,12 @@ class SensorNoise(nn.Module):
         for which, random in enumerate(self._spreads):
             uniform = torch.rand(number, len(random.paths), dtype=torch.float64, generator=source)
             for path, value in random.values(uniform).items():
-                other = draws.get(path)  # of another camera that has it too
-                draws[path] = value if other is None else torch.where(draws["camera"] == which, value, other)
+                if (
+                    len(self.cameras) > 1
+                ):  # images of other cameras have those cameras' own value, drawn or not
+                    other = draws.get(path, self._nominal[path][draws["camera"]])
+                    value = torch.where(draws["camera"] == which, value, other)
+                draws[path] = value
         for name, ends in (("gain_db", self.gain_db), ("exposure", self.exposure)):
             if ends is not None:  # instead of a camera's own
                 low, high = ends
