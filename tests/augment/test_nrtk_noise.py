@@ -38,7 +38,7 @@ def test_its_configuration_makes_it_again() -> None:
 def test_a_camera_that_no_configuration_can_hold_is_refused() -> None:
     """Of a `Camera` it would hold a text that names none."""
     for camera in (Camera.load("sony_imx174"), ["sony_imx174"], None):
-        with pytest.raises(InputError, match="camera: is a .*; expected a camera file or the name"):
+        with pytest.raises(InputError, match=r"camera: is a .*; expected a camera file or the name"):
             CameraPerturber(camera)
 
 

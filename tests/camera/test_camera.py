@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from pydantic import ValidationError
 
 from visaug.camera import Camera
 from visaug.core.errors import InputError
@@ -195,3 +196,22 @@ def test_a_gain_replaced_with_its_decibels_is_a_new_reference():
     camera = Camera.load({"resolution": [8, 8], "gain_e_per_dn": 0.9, "gain_db": 3})
     values = camera.replace({"gain_db": 10.0, "gain_e_per_dn": 0.5}).values()
     assert (values["gain_db"], values["gain_e_per_dn"]) == (10.0, 0.5)
+
+
+def test_a_camera_cannot_be_changed_in_place():
+    """Its numbers are worked out once: another gain in `spec` alone would change a part of what it does."""
+    camera = Camera.load({"resolution": [8, 8], "gain_e_per_dn": 1.0})
+    for part, name in ((camera.spec, "gain_e_per_dn"), (camera.spec.read_noise, "sigma_e")):
+        with pytest.raises(ValidationError, match="frozen"):
+            setattr(part, name, 5.0)
+
+
+def test_values_of_no_parameter_are_refused():
+    camera = Camera.load({"resolution": [8, 8], "gain_e_per_dn": 1.0})
+    stream = Stream([1], [2], 1, (range(8), range(8)))
+    with pytest.raises(
+        InputError, match=r"read_noise\.sigma: is not a parameter of this camera; expected one of"
+    ):
+        camera.expose(torch.ones(1, 1, 8, 8), stream, {"read_noise.sigma": 5.0})
+    with pytest.raises(InputError, match="gain: is not a parameter"):
+        camera.finish(torch.ones(1, 1, 8, 8), values={"gain": 1.0})

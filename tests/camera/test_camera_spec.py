@@ -72,6 +72,12 @@ def test_a_full_file_is_read(tmp_path: Path):
         (with_values(exposure_s=-1), "exposure_s"),
         (with_values(dark_current={"a_e_per_s": 1, "doubling_c": 8}), "dark_current"),
         (with_values(dark_current={"reference_e_per_s": 1, "doubling_c": 8}), "dark_current"),
+        (  # a file with a and b of this could not be read again
+            with_values(
+                dark_current={"reference_e_per_s": 1, "reference_temperature_c": 20, "doubling_c": 1.2}
+            ),
+            "dark_current.b_per_c",
+        ),
         (with_values(prnu={"pixel": 0.9}), "prnu.pixel"),
         (with_values(gain_db=True), "gain_db"),  # which a lax reader takes for 1
         (with_values(bit_depth=True), "bit_depth"),

@@ -343,6 +343,10 @@ class Camera:
         memory: dict[str, Tensor] | None = None,
         resolution: tuple[int, int] | None = None,
     ) -> chain.Conditions:
+        for path in values or ():
+            if path not in self._values:
+                expected = f"one of {', '.join(self._values)}"
+                raise InputError("is not a parameter of this camera", field=path, expected=expected)
         every = {**self._values, **(values or {})}
         tensors = {path: torch.as_tensor(v, dtype=torch.float32, device=device) for path, v in every.items()}
         full = {path: tensor.reshape(-1, 1, 1, 1) for path, tensor in tensors.items()}

@@ -255,6 +255,10 @@ def _photons(plan: FrameSet, i: int, shape: tuple[int, int]) -> Tensor:
         clean = torch.from_numpy(np.ascontiguousarray(plan.clean(i), np.float32))
         if tuple(clean.shape) != shape:
             raise InputError(f"is {tuple(clean.shape)}", file=record.clean, expected=f"{shape}, as the frame")
+        if clean.isnan().any():
+            raise InputError(
+                "holds values that are no numbers", file=record.clean, expected="photons per pixel"
+            )
         return clean[None]
     problem = f"a frame of kind {record.kind!r} cannot be simulated"
     raise InputError(problem, file=record.file, field="kind", expected="bias, dark, flat or scene")

@@ -20,7 +20,8 @@ MOST_PIXELS = 65535  # of a sensor's rows, and of its columns
 
 
 class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, validate_assignment=False)
+    # frozen: a camera works its numbers out once
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
 
 
 Gain = Annotated[float, Field(gt=0, le=100)]
@@ -64,11 +65,11 @@ class DarkCurrentSpec(_Part):
                 "expected either a_e_per_s and b_per_c, "
                 "or all of reference_e_per_s, reference_temperature_c and doubling_c"
             )
-        self.b_per_c = math.log(2) / doubling
+        b_per_c = math.log(2) / doubling
         if self.law == "arrhenius":
-            self.b_per_c *= (1 + reference / ZERO_C_K) ** 2
-        self.a_e_per_s = rate * math.exp(-self.b_per_c * self.exponent(reference))
-        return self
+            b_per_c *= (1 + reference / ZERO_C_K) ** 2
+        a_e_per_s = rate * math.exp(-b_per_c * self.exponent(reference))
+        return DarkCurrentSpec(a_e_per_s=a_e_per_s, b_per_c=b_per_c, law=self.law)
 
     def exponent(self, temperature_c: Any) -> Any:
         """What b is multiplied with: T, or T_0 (T_K - T_0) / T_K with T_0 = 273.15 K, in degrees.
