@@ -252,6 +252,18 @@ def test_what_one_camera_draws_is_not_the_others(fast):
     assert not any("read_noise" in path for path in SensorNoise([rows, camera()]).draw(2))
 
 
+def test_a_value_goes_to_the_cameras_of_a_population_that_have_it(fast):
+    rows, plain = camera(effects=[{"name": "row_noise", "sigma_e": 1.0}]), camera()
+    for population in ([rows, plain], [plain, rows]):
+        noise = SensorNoise(population, values={"row_noise.sigma_e": 900.0}, fast=fast, seed=3)
+        draws = noise.draw(12)
+        noisy = noise.apply_draws(torch.full((12, 1, 64, 8), 0.3), draws).mean(3).std(2).flatten()
+        with_rows = torch.tensor([one is rows for one in population])[draws["camera"]]
+        assert noisy[with_rows].min() > 5 * noisy[~with_rows].max()
+    with pytest.raises(InputError, match=r"column_noise\.sigma_e: is not a parameter of this camera"):
+        SensorNoise([rows, plain], values={"column_noise.sigma_e": 1.0})
+
+
 def test_same_on_batch_and_probability(fast):
     images = torch.full((200, 1, 8, 8), 0.5)
     same = VISNoise(camera(randomize=RANDOM), same_on_batch=True, fast=fast)(images[:4])

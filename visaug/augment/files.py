@@ -25,6 +25,7 @@ from visaug.augment.label_images import why_labels
 from visaug.augment.sensor_noise import SensorNoise
 from visaug.core.errors import InputError, naming
 from visaug.core.files import whole_file
+from visaug.core.sampling import as_seed
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
@@ -117,7 +118,7 @@ def augment_files(
         InputError: no pictures, none that can be used, two with the same place in `output`, an output that
             has the name of a picture, or would overwrite an original, or a file that visaug did not write in the place of a copy.
     """
-    output = Path(output)
+    output, seed = Path(output), as_seed(seed)
     p, bits = probability(p), used_bits(bits)
     if copies < 1:
         raise InputError(f"{copies} copies", field="copies", expected="1 or more")

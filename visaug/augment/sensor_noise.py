@@ -153,7 +153,7 @@ class SensorNoise(nn.Module):
             self._add_value(path, value)
 
     def _add_value(self, path: str, value: Tensor | float) -> None:
-        known = self.cameras[0].values()
+        known = {name: None for camera in self.cameras for name in camera.values()}
         if path not in known:
             expected = f"one of {', '.join(known)}"
             raise InputError("is not a parameter of this camera", field=path, expected=expected)
@@ -323,7 +323,8 @@ class SensorNoise(nn.Module):
             if (count := value.numel()) not in (1, len(light)):
                 problem = f"has {count} values for {len(light)} images"
                 raise InputError(problem, field=path, expected="one number, or one for each image")
-            changed[path] = value
+            if path in known:  # of a population some cameras may lack an effect
+                changed[path] = value
         return Exposure(camera, draws, changed, light.device, may_be_fast, self)
 
     def _given(self) -> dict[str, Tensor]:
