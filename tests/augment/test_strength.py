@@ -100,8 +100,10 @@ def test_strength_keeps_shot_noise_poisson():
         {"dsnu": {"column_e": 30.0, "row_e": 25.0, "pixel_e": 60.0}},
         {"effects": [{"name": "row_noise", "sigma_e": 40.0}]},
         {"effects": [{"name": "row_parity", "offset_e": 40.0, "gain": 0.01}]},
+        {"effects": [{"name": "tap_mismatch", "offset_e": 40.0, "gain": 0.01}]},
+        {"effects": [{"name": "column_parity", "offset_e": 40.0, "gain": 0.01, "channels": 4}]},
     ],
-    ids=lambda part: next(iter(part)),
+    ids=lambda part: part["effects"][0]["name"] if "effects" in part else next(iter(part)),
 )
 def test_fixed_patterns_and_effects_follow_the_strength(part, fast):
     """The pattern with the same random numbers is twice as large; temporal noise is averaged over 200 frames."""

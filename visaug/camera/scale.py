@@ -23,6 +23,7 @@ from visaug.effects import Stage, catalogue
 # relative scatter: of gains, dark currents, the light
 RESPONSE = {
     "prnu": "", "dark_current_nonuniformity": "spread", "light_drift": "sigma", "tap_mismatch": "gain", "row_parity": "gain",
+    "column_parity": "gain",
 }  # fmt: skip
 # of s, by the unit
 POWERS = {"e-/DN": -2, "e-/s": -2, "e-/px": -2, "photons": -2, "1/(1000 e-)": 2}
