@@ -140,5 +140,8 @@ def with_maps_at_strength(camera: Camera, s: float) -> Camera:
         kind = catalogue()[effect_of(key)]
         unit = kind.map_unit.partition(" ")[0]
         power = -1 if unit == "e-" and kind.stage == Stage.READOUT else POWERS.get(unit, 0)
-        maps[key] = pattern * s ** MAP_POWERS.get(key, power)
+        if unit == "factor":  # of mean 1, whose scatter is the noise
+            maps[key] = 1 + s * (pattern - 1)
+        else:
+            maps[key] = pattern * s ** MAP_POWERS.get(key, power)
     return Camera(camera.spec, camera.folder, maps) if maps else camera
