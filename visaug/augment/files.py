@@ -126,10 +126,10 @@ def augment_files(
         raise InputError("is the name of a picture", file=output, expected="a folder for the copies")
     jobs = plan_jobs([Path(path) for path in inputs], output, copies, include, exclude)
     yolo = {name: label for name in jobs.sources if labels and (label := find_label(jobs.sources[name]))}
-    carried: dict[str, Path] = {}  # files that go along as they are: all others, but for YOLO labels
-    if labels and copies == 1:
-        own = {label.resolve() for label in yolo.values()}
-        carried = {name: other for name, other in jobs.others.items() if other.resolve() not in own}
+    own = {label.resolve() for label in yolo.values()}
+    others = {name: other for name, other in jobs.others.items() if other.resolve() not in own}
+    # files that go along as they are: all others, but for YOLO labels
+    carried, left = (others, {}) if labels and copies == 1 else ({}, others)
     yolo = {_label_name(output, name): label for name, label in yolo.items()}
     check_kept(output, {**jobs.sources, **carried, **yolo})
     noise = SensorNoise(camera, **options)
@@ -156,8 +156,12 @@ def augment_files(
             work.carry(name, source)
     done = work.done
     done.outputs, done.again = jobs.outputs, jobs.again
-    if not labels:
-        done.skipped, done.excluded = jobs.skipped, jobs.excluded
+    for other in left.values():
+        suffix = other.suffix.lower()
+        if suffix in SUFFIXES:
+            done.excluded += 1
+        else:
+            done.skipped[suffix or "without a suffix"] += 1
     if not work.labelled and done.carried:
         done.unlabelled = 0
     if progress:
