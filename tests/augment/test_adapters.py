@@ -238,6 +238,8 @@ def test_what_is_no_image_is_refused_by_name():
         (lambda: ImageNoise(CAMERA)(Image.new("I", (4, 4))), "uint16"),  # convert() would cut it at 255
         (lambda: ImageNoise(CAMERA)(picture().transpose(2, 0, 1)), "channels first"),
         (lambda: ImageNoise(CAMERA)(torch.rand(24, 32, 3)), "channels last"),
+        (lambda: TorchvisionNoise(CAMERA)(torch.rand(24, 32, 3)), "channels last"),
+        (lambda: TorchvisionNoise(CAMERA)(tv_tensors.Video(torch.rand(2, 24, 32, 3))), "channels last"),
         (lambda: ImageNoise(CAMERA)(torch.rand(2, 3, 24, 32)), "shape"),
         (lambda: ImageNoise(CAMERA)(torch.ones(3, 8, 8, dtype=torch.int64)), "int64"),
         (lambda: ImageNoise(CAMERA)(torch.rand(3, 8, 8) * 255), "values"),
