@@ -54,14 +54,12 @@ def vis_noise(vis: Vis) -> nn.Module:
 
 def changed_camera(vis: Vis, name: str) -> Camera:
     """A camera with the arm's values, which are then not randomised."""
-    camera = Camera.load(name)
-    values = dict(vis.set)
+    changed = Camera.load(name).replace(vis.set)
     if vis.white_std_present:
-        full_scale_e = (2**camera.bit_depth - 1) * camera.spec.gain_e_per_dn
-        sigma_e = float(values.get("read_noise.sigma_e", camera.spec.read_noise.sigma_e))
-        left = sigma_e**2 - (vis.white_std_present * full_scale_e) ** 2
-        values["read_noise.sigma_e"] = max(left, 0.0) ** 0.5
-    changed = camera.replace(values)
+        gain_db = changed.spec.gain_db if vis.gain_db is None else float(np.mean(vis.gain_db))
+        full_scale_e = (2**changed.bit_depth - 1) * changed.gain_at(gain_db)
+        left = changed.spec.read_noise.sigma_e**2 - (vis.white_std_present * full_scale_e) ** 2
+        changed = changed.replace({"read_noise.sigma_e": max(left, 0.0) ** 0.5})
     content = changed.to_dict()
     spreads = content.get("randomize", {})
     if not spreads.keys() & vis.set.keys():
