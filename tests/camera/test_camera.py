@@ -101,6 +101,27 @@ def test_replace_refuses_a_value_out_of_bounds(value):
         Camera.load(RICH).replace({"row_noise.sigma_e": value})
 
 
+@pytest.mark.parametrize(
+    "value", ["much", None, float("nan"), -1e6, 1e6, [1.0], np.array([1.0, 2.0])], ids=repr
+)
+def test_replace_refuses_a_gain_out_of_bounds(value):
+    with pytest.raises(
+        InputError, match=r"gain_db: .* is out of range; expected a number from -60 to 120 dB"
+    ):
+        Camera.load(RICH).replace({"gain_db": value})
+
+
+@pytest.mark.parametrize(
+    "twenty",
+    ["20", "2e1", np.float32(20), np.array([20.0]), torch.nn.Parameter(torch.tensor(20.0))],
+    ids=repr,
+)
+def test_replace_takes_numbers_of_any_type(twenty):
+    found = Camera.load(RICH).replace({"gain_db": twenty, "exposure_s": twenty}).values()
+    assert (found["gain_db"], found["exposure_s"]) == (20.0, 20.0)
+    assert found["gain_e_per_dn"] == pytest.approx(2.0 * 10 ** (-17 / 20))
+
+
 def test_effects_come_and_go():
     camera = Camera.load(RICH)
     assert camera.with_effect("row_noise", sigma_e=0.25).values()["row_noise.sigma_e"] == 0.25

@@ -17,7 +17,7 @@ from torch import Tensor
 from visaug.camera import chain, paths
 from visaug.camera.colour import ColourPath, colour_path
 from visaug.camera.maps import effect_of, load_maps, moved, named_maps, set_map
-from visaug.camera.spec import CameraSpec, check_spec, read_spec
+from visaug.camera.spec import CameraSpec, check_spec, number, read_spec
 from visaug.core.errors import InputError
 from visaug.core.files import write_text
 from visaug.core.nearest import did_you_mean
@@ -26,7 +26,7 @@ from visaug.core.sampling.distributions import MOST_MEAN
 from visaug.core.wording import first_of
 from visaug.effects import Context, Stage, catalogue
 from visaug.effects.effect import ends
-from visaug.effects.parameter import unused
+from visaug.effects.parameter import check_value, unused
 
 
 def shipped() -> dict[str, Path]:
@@ -179,11 +179,12 @@ class Camera:
             >>> camera.replace({"gain_db": 20.0}).values()["gain_e_per_dn"]
             0.05
         """
-        content = self.to_dict()
+        content, values = self.to_dict(), {path: _one(value) for path, value in values.items()}
         if "gain_db" in values and "gain_e_per_dn" not in values:
-            values = {**values, "gain_e_per_dn": self.gain_at(float(values["gain_db"]))}
+            gain_db = number(values["gain_db"])
+            check_value(paths.place_of("gain_db").parameter, gain_db, "gain_db")
+            values = {**values, "gain_e_per_dn": self.gain_at(gain_db)}
         for path, value in values.items():
-            value = value.item() if hasattr(value, "item") else value
             effect, _, key = path.partition(".")
             if path == "full_well_e" and value == float("inf"):
                 content.pop(path, None)
@@ -376,6 +377,14 @@ class Camera:
         rows, columns = self.resolution
         further = ", ".join(self.effect_names) or "no further effects"
         return f"Camera({self.name!r}, {rows}x{columns}, {self.bit_depth} bit, {further})"
+
+
+def _one(value: Any) -> Any:
+    """The number in an array or a tensor of one, whether or not its gradient is wanted; anything else as it is."""
+    try:
+        return value.item()
+    except (AttributeError, ValueError, RuntimeError):
+        return value
 
 
 def _by_name(mistake: InputError, effects: Sequence[Mapping[str, Any]]) -> InputError:

@@ -278,11 +278,11 @@ def _check_effect(entry: dict[str, Any], path: str, file: Path | None) -> None:
         if key not in known[name].parameters:
             expected = f"one of {', '.join(known[name].parameters)}"
             raise InputError(f"is not a parameter of {name}", file=file, field=field, expected=expected)
-        entry[key] = _number(value)
+        entry[key] = number(value)
         check_value(known[name].parameters[key], entry[key], field, file)
 
 
-def _number(value: Any) -> Any:
+def number(value: Any) -> Any:
     """The number; YAML 1.1 reads 1e-3 as text."""
     try:
         return float(value) if isinstance(value, str) else plain(value)
