@@ -155,9 +155,10 @@ def _no_data(
     except ValueError:
         return None, None
     if np.isnan(value) and pixels.dtype.kind == "f":
-        return np.isnan(pixels).all(-1), None
+        missing: Any = np.isnan(pixels)
+        return missing.all(-1), None
     if pixels.dtype.kind != "f" and not (value.is_integer() and 0 <= value <= np.iinfo(pixels.dtype).max):
         return None, None  # no pixel can hold it
-    missing = np.full((1, 1, pixels.shape[2]), value, pixels.dtype)
-    key = _negative(missing) if turned else missing
-    return (pixels == missing).all(-1), tuple(key[0, 0].tolist())
+    stored = np.full((1, 1, pixels.shape[2]), value, pixels.dtype)
+    key = _negative(stored) if turned else stored
+    return (pixels == stored).all(-1), tuple(key[0, 0].tolist())
