@@ -122,6 +122,15 @@ def test_replace_takes_numbers_of_any_type(twenty):
     assert found["gain_e_per_dn"] == pytest.approx(2.0 * 10 ** (-17 / 20))
 
 
+def test_a_range_of_whole_numbers_has_a_whole_middle():
+    camera = Camera.load(RICH).with_effect("jpeg", quality=(50, 85), chroma="full")
+    assert camera.values()["jpeg.quality"] in (67.0, 68.0)
+    assert camera.spec.randomize["jpeg.quality"] == {"uniform": [50.0, 85.0]}
+    assert Camera.load(RICH).with_effect("row_noise", sigma_e=(1, 2)).values()["row_noise.sigma_e"] == 1.5
+    with pytest.raises(InputError, match="no_such_effect"):
+        camera.with_effect("no_such_effect", sigma_e=(1, 2))
+
+
 def test_effects_come_and_go():
     camera = Camera.load(RICH)
     assert camera.with_effect("row_noise", sigma_e=0.25).values()["row_noise.sigma_e"] == 0.25

@@ -214,6 +214,10 @@ class Camera:
         content = self.without_effect(name).to_dict()
         ranges = {key: both for key, value in parameters.items() if (both := ends(value)) is not None}
         middles = {key: (low + high) / 2 for key, (low, high) in ranges.items()}
+        known = catalogue()[name].parameters if name in catalogue() else {}
+        middles |= {
+            key: round(value) for key, value in middles.items() if key in known and known[key].integer
+        }
         content.setdefault("effects", []).append({"name": name, **parameters, **middles})
         for key, both in ranges.items():
             content.setdefault("randomize", {})[f"{name}.{key}"] = {"uniform": list(both)}
