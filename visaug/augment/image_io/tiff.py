@@ -122,7 +122,8 @@ def _by_other_decoders(path: Path, dtype: np.dtype | None, channels: int) -> np.
             import kornia_rs.io
 
         return np.asarray(kornia_rs.io.read_image_tiff_u16(str(path), KORNIA_MODES[channels]))
-    raise InputError("has a compression that cannot be read", file=path, expected="none, or deflate")
+    expected = "none, deflate without a predictor for floats, or `pip install imagecodecs`"
+    raise InputError("has a compression that cannot be read", file=path, expected=expected)
 
 
 def _counted(value: Any, count: int) -> tuple[int, Any]:
