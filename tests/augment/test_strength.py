@@ -124,6 +124,8 @@ def test_fixed_patterns_and_effects_follow_the_strength(part, fast):
 def test_no_strength_is_identity():
     images = torch.rand(2, 3, 8, 8)
     assert torch.equal(VISNoise(camera(), strength=0)(images), images)
+    SensorNoise(camera(), strength=0)(images).zero_()  # is a copy
+    assert images.max() > 0
 
 
 def test_ranges_are_drawn_uniformly_stored_and_replayed(fast):

@@ -244,7 +244,7 @@ class SensorNoise(nn.Module):
     def _noisy(self, images: Tensor, draws: Mapping[str, Tensor], transfer: str | None) -> Tensor:
         """What the cameras make of images that have been checked."""
         if self.strength == 0 or len(images) == 0:
-            return images
+            return images.clone()  # what is done to it in place does not reach the input
         lit = light_channels(images.shape[1], self.mono)
         encoded = (transfer if self.transfer == "auto" else self.transfer) == "srgb"
         light = images[:, :lit].float()

@@ -157,7 +157,7 @@ class Camera:
         return dict(self._values)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """The values of `values` as (1,) float64 arrays, read-only."""
+        """The values of `values` as (1,) float64 arrays, which must not be changed."""
         return dict(self._arrays)
 
     def choices(self) -> dict[str, str]:
