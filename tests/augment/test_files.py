@@ -11,7 +11,7 @@ import pytest
 import tifffile
 import torch
 from click.testing import CliRunner
-from PIL import Image
+from PIL import Image, PngImagePlugin
 
 from visaug import Camera, InputError
 from visaug.app.cli.root import program
@@ -314,7 +314,7 @@ def test_bad_input_is_one_clear_line(message, make, camera, tmp_path):
 
 def decisions():
     """(name, how it is written, transfer function): profiles and chunks made by Pillow, cv2 or by hand."""
-    from PIL import ImageCms, PngImagePlugin
+    from PIL import ImageCms
 
     colour, gray = Image.fromarray(pixels(np.uint8, 3)), Image.fromarray(pixels(np.uint8, 1))
     srgb_profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
@@ -371,6 +371,27 @@ def test_transfer_function_is_what_the_file_says(name, make, transfer, camera, t
     assert read_picture(tmp_path / name).transfer == transfer
     done = augment_files([tmp_path / name], tmp_path / "out", camera)
     assert [kind for kind, _ in done.assumed] == [transfer]
+
+
+@pytest.mark.parametrize(
+    ("code", "transfer"),
+    [
+        (8, "linear"),
+        (1, "srgb"),
+        (13, "srgb"),
+        (16, "srgb"),
+        (18, "srgb"),
+        (2, "linear"),
+        (0, "linear"),
+        (255, "linear"),
+    ],
+)
+def test_what_a_cicp_chunk_says(code, transfer, tmp_path):
+    """Of 16 bit, which are linear where nothing is stated; PQ and HLG (16 and 18) are not."""
+    info = PngImagePlugin.PngInfo()
+    info.add(b"cICP", bytes([9, code, 0, 1]))
+    Image.fromarray(pixels(np.uint16, 1)).save(tmp_path / "a.png", pnginfo=info)
+    assert read_picture(tmp_path / "a.png").transfer == transfer
 
 
 def test_srgb_noise_follows_the_curve(camera, tmp_path):
