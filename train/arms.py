@@ -28,7 +28,7 @@ class Vis(ConfigSection):
             share of the images that have the effect.
         gain_db, exposure, strength, full_scale_photons: as in `visaug.VISNoise`; left out, the camera's own.
         white_std_present: white noise that the images carry already (1 is full scale); its variance is taken off the
-            read noise.
+            read noise, at the gain of `set` or `gain_db`, of a pair at its middle.
     """
 
     camera: str | list[str]

@@ -9,7 +9,6 @@ from torch import Tensor, nn
 from visaug.augment.sensor_noise import SensorNoise
 from visaug.camera import Camera, draw
 from visaug.camera.scale import gain_of, white_dn
-from visaug.camera.spec import check_spec
 from visaug.core.errors import InputError
 from visaug_train.arms import Arm, Vis, White
 from visaug_train.batch_noise import AugmentationModule, BatchAugmentation, add_white, chosen
@@ -55,20 +54,18 @@ def vis_noise(vis: Vis) -> nn.Module:
 
 def changed_camera(vis: Vis, name: str) -> Camera:
     """A camera with the arm's values, which are then not randomised."""
-    camera = Camera.load(name)
-    values = dict(vis.set)
+    changed = Camera.load(name).replace(vis.set)
     if vis.white_std_present:
-        full_scale_e = (2**camera.bit_depth - 1) * camera.spec.gain_e_per_dn
-        sigma_e = float(values.get("read_noise.sigma_e", camera.spec.read_noise.sigma_e))
-        left = sigma_e**2 - (vis.white_std_present * full_scale_e) ** 2
-        values["read_noise.sigma_e"] = max(left, 0.0) ** 0.5
-    changed = camera.replace(values)
+        gain_db = changed.spec.gain_db if vis.gain_db is None else float(np.mean(vis.gain_db))
+        full_scale_e = (2**changed.bit_depth - 1) * changed.gain_at(gain_db)
+        left = changed.spec.read_noise.sigma_e**2 - (vis.white_std_present * full_scale_e) ** 2
+        changed = changed.replace({"read_noise.sigma_e": max(left, 0.0) ** 0.5})
     content = changed.to_dict()
     spreads = content.get("randomize", {})
     if not spreads.keys() & vis.set.keys():
         return changed
     content["randomize"] = {path: spread for path, spread in spreads.items() if path not in vis.set}
-    return Camera(check_spec(content), changed.folder, changed.maps)
+    return changed.with_content(content)
 
 
 class WhiteSensorNoise(nn.Module):
@@ -89,7 +86,8 @@ class WhiteSensorNoise(nn.Module):
         gain, white = gain_of(self.camera, values), white_dn(self.camera, values)
         mean_e = images.mean(dim=(1, 2, 3)).double().cpu() * white * gain
         dark = values["exposure_s"] * values["dark_current.a_e_per_s"]
-        dark = dark * torch.exp(values["dark_current.b_per_c"] * values["temperature_c"])
+        heat = self.camera.spec.dark_current.exponent(values["temperature_c"])
+        dark = dark * torch.exp(values["dark_current.b_per_c"] * heat)
         read = values["read_noise.sigma_e"] ** 2 + (values["read_noise.after_gain_dn"] * gain) ** 2
         std = (mean_e + dark + read).sqrt() / gain / white
         noisy = add_white(images, std.to(images)[:, None, None, None])

@@ -20,6 +20,7 @@ from visaug.core.cluster import connected
 from visaug.core.errors import InputError
 from visaug.core.progress import Progress
 from visaug.core.wording import counted
+from visaug.effects.catalogue import load_file, loaded_files
 from visaug_train.config import Cluster
 from visaug_train.scoring import run_and_score
 from visaug_train.training import Study, note_failure, run_folder, train_run
@@ -54,8 +55,8 @@ def spread(
             max_retries=cluster.retries,  # of lost workers and nodes alone: an exception is no reason to try again
             scheduling_strategy="SPREAD",
         )(_in_folder)
-        study_ref, here = ray.put(study), str(Path.cwd())
-        waiting = {task.remote(study_ref, work, arm, seed, here): (arm, seed) for arm, seed in runs}
+        study_ref, surroundings = ray.put(study), (str(Path.cwd()), loaded_files())
+        waiting = {task.remote(study_ref, work, arm, seed, *surroundings): (arm, seed) for arm, seed in runs}
         wrong: dict[tuple[str, int], str] = {}
         while waiting:
             (ready,), _ = ray.wait(list(waiting), num_returns=1)
@@ -72,10 +73,18 @@ def spread(
         return wrong
 
 
-def _in_folder(study: Study, work: Work, arm: str, seed: int, folder: str) -> str | None:
-    """On a node: the work, in the driver's working folder, as a config's paths are relative to it; what failed."""
+def _in_folder(
+    study: Study, work: Work, arm: str, seed: int, folder: str, effects: Sequence[Path]
+) -> str | None:
+    """On a node: the work, in the driver's working folder, as a config's paths are relative to it; what failed.
+
+    Args:
+        effects: files with effects of one's own that the driver has loaded.
+    """
     os.chdir(folder)
     try:
+        for file in effects:
+            load_file(file)
         work(study, arm, seed)
     except Exception as error:
         return note_failure(study, arm, seed, error)

@@ -12,6 +12,7 @@ import visaug
 from visaug.augment.journal import content_of
 from visaug.camera import Camera
 from visaug.core.documents import read_json
+from visaug.effects.catalogue import sources_of
 from visaug_train.arms import Arm
 from visaug_train.config import Config
 
@@ -60,15 +61,23 @@ def _noise(arm: Arm) -> dict[str, Any]:
         return f"camera {files.index(part)}" if isinstance(part, str) and part in files else part
 
     noise = arm.model_dump(mode="json", exclude={"training", "why", "like", "clean_epochs"})
-    return {"noise": numbered(noise), "cameras": [camera_values(name) for name in files]}
+    added = {entry["name"] for part in (arm.vis, arm.white) if part is not None for entry in part.effects}
+    sources = {"effects": own} if (own := sources_of(added)) else {}
+    return {"noise": numbered(noise), "cameras": [camera_values(name) for name in files], **sources}
 
 
-def camera_values(name: str) -> dict[str, Any]:
-    """Every value of a camera, and a digest of its measured maps: a shipped camera that changes is another one."""
-    camera = Camera.load(name)
+def camera_values(source: Camera | str) -> dict[str, Any]:
+    """Every value of a camera, and what it takes from files: a shipped camera that changes is another one."""
+    camera = Camera.load(source)
     values = {key: value for key, value in camera.to_dict().items() if key != "source"}
+    return values | taken_from_files(camera)
+
+
+def taken_from_files(camera: Camera) -> dict[str, Any]:
+    """Checksums of a camera's measured maps, and of the files that define effects of one's own."""
     maps = {key: hashlib.sha256(value.numpy().tobytes()).hexdigest() for key, value in camera.maps.items()}
-    return values | ({"maps_sha256": maps} if maps else {})
+    found = {"maps_sha256": maps, "effects_sha256": sources_of(camera.effect_names)}
+    return {key: value for key, value in found.items() if value}
 
 
 def surroundings(device: Any = None, amp: Any = None) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from visaug_train.parallel import spread
 from visaug_train.predictions import save_poses
 from visaug_train.record import COMPARED
 from visaug_train.scoring import other_weights, run_and_score
-from visaug_train.statistics import holm, paired_interval, paired_p_value
+from visaug_train.statistics import holm, image_variance, paired_interval, paired_p_value
 from visaug_train.strength import Strengths, strengths
 from visaug_train.studies import hidden, target
 from visaug_train.training import Run, Study, note_failure, prepare, start_network
@@ -190,8 +190,7 @@ class Ablation:
         reference, resampled = self.scores(other, seeds)
         scores, again = self.scores(own, seeds)
         differences, pairs = scores - reference, (again - resampled).mean(axis=1)
-        unknown = np.full(len(tables.MEASURES), np.nan)
-        by_images = pairs.var(axis=0, ddof=1) if len(pairs) > 1 else unknown
+        by_images = image_variance(pairs)
         images = len(self.study.tests[own[1]])
         ends = paired_interval(differences, by_images, images)
         p_values = paired_p_value(differences, by_images, images)

@@ -29,6 +29,7 @@ from visaug_train.convert import identity
 from visaug_train.evaluate import evaluate
 from visaug_train.geometry import Keypoints
 from visaug_train.metrics import Detections
+from visaug_train.record import taken_from_files
 from visaug_train.reduction import read_image
 from visaug_train.speed import PoseSet
 
@@ -177,10 +178,11 @@ def severity(
     file, images = folder / "severity.json", folder / "images.partial"
     if not poses.labelled:
         raise InputError(f"{poses.name} has no labels, so there is nothing to score")
-    fixed = Camera.load({k: v for k, v in camera.to_dict().items() if k not in ("randomize", "correlated")})
-    fixed = Camera(fixed.spec, camera.folder, camera.maps)
+    content = {k: v for k, v in camera.to_dict().items() if k not in ("randomize", "correlated")}
+    fixed = camera.with_content(content)
     described = {"set": poses.name, **identity(poses), "network": network, "seed": seed}
-    digest = hashlib.sha256(repr({**described, "camera": fixed.to_dict()}).encode()).hexdigest()
+    described |= {"camera": fixed.to_dict(), **taken_from_files(fixed)}
+    digest = hashlib.sha256(repr(described).encode()).hexdigest()
     jobs: dict[str, SeverityPoint | None] = {"clean": None}
     jobs |= {f"{point.axis}={point.value:g}": point for point in points_of(fixed, axes)}
     say = progress or (lambda *_: None)

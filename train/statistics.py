@@ -18,6 +18,13 @@ import numpy as np
 from scipy.stats import t as student
 
 
+def image_variance(resampled: np.ndarray) -> np.ndarray:
+    """The variance by the choice of images, (measures), of (resamples, measures); NaN with fewer than two resamples."""
+    if len(resampled) < 2:
+        return np.full(resampled.shape[1:], np.nan)
+    return resampled.var(axis=0, ddof=1)
+
+
 def paired_interval(
     differences: np.ndarray, image_variance: np.ndarray, images: int
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -76,7 +83,7 @@ def share_interval(
     shares = np.linspace(-10, 10, 4001)  # that are tried: steps of half a percent
     left = gains[:, None] - shares * oracle[:, None]
     moved = by_images[:, :1] - shares * by_images[:, 1:]
-    low, high = paired_interval(left, moved.var(axis=0, ddof=1), images)
+    low, high = paired_interval(left, image_variance(moved), images)
     inside = np.flatnonzero((low <= 0) & (high >= 0))
     if oracle.mean() <= 0 or not len(inside) or inside[0] == 0 or inside[-1] == len(shares) - 1:
         return None

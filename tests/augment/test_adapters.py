@@ -238,6 +238,8 @@ def test_what_is_no_image_is_refused_by_name():
         (lambda: ImageNoise(CAMERA)(Image.new("I", (4, 4))), "uint16"),  # convert() would cut it at 255
         (lambda: ImageNoise(CAMERA)(picture().transpose(2, 0, 1)), "channels first"),
         (lambda: ImageNoise(CAMERA)(torch.rand(24, 32, 3)), "channels last"),
+        (lambda: TorchvisionNoise(CAMERA)(torch.rand(24, 32, 3)), "channels last"),
+        (lambda: TorchvisionNoise(CAMERA)(tv_tensors.Video(torch.rand(2, 24, 32, 3))), "channels last"),
         (lambda: ImageNoise(CAMERA)(torch.rand(2, 3, 24, 32)), "shape"),
         (lambda: ImageNoise(CAMERA)(torch.ones(3, 8, 8, dtype=torch.int64)), "int64"),
         (lambda: ImageNoise(CAMERA)(torch.rand(3, 8, 8) * 255), "values"),
@@ -314,6 +316,19 @@ def test_albumentations_writes_itself_to_json_and_comes_back():
     assert np.array_equal(
         albumentations.ReplayCompose.replay(first["replay"], image=image)["image"], first["image"]
     )
+
+
+@pytest.mark.parametrize("options", [{}, {"seed": 4}], ids=str)
+def test_albumentations_replays_every_call_through_json(options):
+    """Also where the numbers come from the transform's own seed, of which each call takes others."""
+    albumentations = pytest.importorskip("albumentations")
+    replay = albumentations.ReplayCompose([AlbumentationsNoise(CAMERA, gain_db=(0.0, 6.0), **options)])
+    pair = {"image": picture(1, np.uint8, 100), "images": np.stack([picture(1, np.uint8, 90)] * 2)}
+    calls = [replay(**pair) for _ in range(3)]
+    assert not np.array_equal(calls[1]["image"], calls[2]["image"])
+    for call in calls:
+        again = albumentations.ReplayCompose.replay(json.loads(json.dumps(call["replay"])), **pair)
+        assert all(np.array_equal(again[key], call[key]) for key in pair)
 
 
 def test_albumentations_restores_a_camera_with_measured_maps_from_another_folder(tmp_path, monkeypatch):

@@ -209,3 +209,19 @@ def test_bits_of_what_has_eight_are_refused(tmp_path):
     write(tmp_path / "a.png", shaded())
     with pytest.raises(InputError, match="12 bit are given for an image of uint8"):
         augment_files([tmp_path / "a.png"], tmp_path / "out", CAMERA, bits=12)
+
+
+def test_several_copies_say_which_annotations_they_leave(tmp_path):
+    """COCO's name single pictures, so they do not go along; YOLO labels do."""
+    root = tmp_path / "set"
+    (root / "labels").mkdir(parents=True)
+    (root / "images").mkdir()
+    for name in ("a.png", "left.png"):
+        write(root / "images" / name, shaded())
+    (root / "labels" / "a.txt").write_text("0 0.5 0.5 0.2 0.2\n")
+    (root / "coco.json").write_text("{}")
+    options = {"labels": True, "exclude": ["left*"]}
+    two = augment_files([root], tmp_path / "two", CAMERA, copies=2, **options)
+    assert (dict(two.skipped), two.excluded, two.carried) == ({".json": 1}, 1, 2)
+    one = augment_files([root], tmp_path / "one", CAMERA, **options)
+    assert (dict(one.skipped), one.excluded, one.carried) == ({}, 0, 3)

@@ -9,14 +9,15 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
+import torch
 from click.testing import CliRunner
-from PIL import Image
+from PIL import Image, PngImagePlugin
 
 from visaug import Camera, InputError
 from visaug.app.cli.root import program
 from visaug.augment import files
 from visaug.augment.files import JOURNAL, augment_files
-from visaug.augment.image_io import read_picture
+from visaug.augment.image_io import read_picture, write_picture
 
 GAIN, READ_E = 2.0, 5.0
 
@@ -120,6 +121,17 @@ def test_same_seed_same_bytes_whatever_the_order(folder, camera, tmp_path):
     d, e = contents(tmp_path / "d"), contents(tmp_path / "e")
     assert e
     assert all(d[name] == content for name, content in e.items())
+
+
+def test_same_seed_same_bytes_in_every_rank_of_a_job(camera, tmp_path, monkeypatch):
+    """A run that a launcher began as rank 1 is resumed by any other; the random state of the caller stays."""
+    png(tmp_path / "a.png")
+    state = torch.random.get_rng_state()
+    for rank in ("", "0", "1", "7"):
+        monkeypatch.setenv("RANK", rank)
+        augment_files([tmp_path / "a.png"], tmp_path / f"rank{rank}", camera)
+    assert len({(tmp_path / f"rank{rank}" / "a.png").read_bytes() for rank in ("", "0", "1", "7")}) == 1
+    assert torch.equal(torch.random.get_rng_state(), state)
 
 
 def test_noise_differs_between_files_of_equal_content(camera, tmp_path):
@@ -302,7 +314,7 @@ def test_bad_input_is_one_clear_line(message, make, camera, tmp_path):
 
 def decisions():
     """(name, how it is written, transfer function): profiles and chunks made by Pillow, cv2 or by hand."""
-    from PIL import ImageCms, PngImagePlugin
+    from PIL import ImageCms
 
     colour, gray = Image.fromarray(pixels(np.uint8, 3)), Image.fromarray(pixels(np.uint8, 1))
     srgb_profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
@@ -361,6 +373,27 @@ def test_transfer_function_is_what_the_file_says(name, make, transfer, camera, t
     assert [kind for kind, _ in done.assumed] == [transfer]
 
 
+@pytest.mark.parametrize(
+    ("code", "transfer"),
+    [
+        (8, "linear"),
+        (1, "srgb"),
+        (13, "srgb"),
+        (16, "srgb"),
+        (18, "srgb"),
+        (2, "linear"),
+        (0, "linear"),
+        (255, "linear"),
+    ],
+)
+def test_what_a_cicp_chunk_says(code, transfer, tmp_path):
+    """Of 16 bit, which are linear where nothing is stated; PQ and HLG (16 and 18) are not."""
+    info = PngImagePlugin.PngInfo()
+    info.add(b"cICP", bytes([9, code, 0, 1]))
+    Image.fromarray(pixels(np.uint16, 1)).save(tmp_path / "a.png", pnginfo=info)
+    assert read_picture(tmp_path / "a.png").transfer == transfer
+
+
 def test_srgb_noise_follows_the_curve(camera, tmp_path):
     """At level 60 the curve's slope makes 8-bit noise sigma_light * slope; 65,536 pixels, 0.3 %; rounding adds 1/12."""
     level = 60
@@ -408,6 +441,92 @@ def test_palettes_tags_and_white_is_zero_of_tiffs(camera, tmp_path):
     assert negative.mean() == pytest.approx(60000, abs=3)
     # 5,535 DN of light are 11,070 e-: 4,096 pixels, relative standard error 1.1 %; 5 of them.
     assert negative.std() == pytest.approx((5535 * GAIN + READ_E**2) ** 0.5 / GAIN, rel=0.055)
+
+
+@pytest.mark.parametrize("compression", [None, "tiff_lzw", "packbits", "tiff_adobe_deflate", "group4"])
+@pytest.mark.parametrize("white_is_zero", [True, False])
+def test_tiffs_of_either_sense_are_read_alike_whatever_decodes_them(compression, white_is_zero, tmp_path):
+    """tifffile decodes some compressions, Pillow and kornia the others; Pillow's own reading is the reference."""
+    bits = np.random.default_rng(0).random((16, 24)) > 0.3
+    words = pixels(np.uint8, 1, shape=(16, 24))
+    deep = pixels(np.uint16, 1, shape=(16, 24))
+    for picture in (bits, words, deep)[: 1 if compression == "group4" else 3]:
+        sense = {262: 0 if white_is_zero else 1}
+        Image.fromarray(picture).save(tmp_path / "a.tif", compression=compression, tiffinfo=sense)
+        found = read_picture(tmp_path / "a.tif")
+        write_picture(tmp_path / "b.tif", found)
+        if picture.dtype == np.uint16:  # Pillow takes 16 bit as they are stored
+            assert (found.pixels[..., 0] == (65535 - deep if white_is_zero else deep)).all()
+        else:
+            light = np.asarray(Image.open(tmp_path / "a.tif").convert("L"))
+            assert (found.pixels[..., 0] == light).all()
+            assert (np.asarray(Image.open(tmp_path / "b.tif")) == light).all()
+
+
+@pytest.mark.parametrize("compression", ["raw", "tiff_lzw", "tiff_adobe_deflate", "jpeg"])
+def test_ycbcr_tiffs_are_colours(compression, tmp_path):
+    even = Image.new("RGB", (16, 16), (200, 50, 30)).convert("YCbCr")
+    even.save(tmp_path / "a.tif", compression=compression)
+    found = read_picture(tmp_path / "a.tif")
+    assert (found.transfer, found.colours) == ("srgb", 3)
+    assert np.abs(found.pixels.astype(int) - (200, 50, 30)).max() <= 3
+
+
+def test_a_tiffs_palette_may_have_alpha(tmp_path):
+    colours = Image.new("L", (16, 16), 90).convert("PA")
+    colours.putalpha(Image.new("L", (16, 16), 128))
+    colours.save(tmp_path / "a.tif")
+    assert (read_picture(tmp_path / "a.tif").pixels == (90, 90, 90, 128)).all()
+
+
+@pytest.mark.parametrize(
+    ("nodata", "dtype"), [("-9999", np.uint8), ("0.5", np.uint8), ("nan", np.uint16), ("1e39", np.uint16)]
+)
+def test_no_data_that_no_pixel_can_hold_marks_none(nodata, dtype, camera, tmp_path, caplog):
+    light = pixels(dtype, 1)
+    tifffile.imwrite(tmp_path / "geo.tif", light, extratags=[(42113, 2, 0, nodata, True)])
+    assert augment_files([tmp_path / "geo.tif"], tmp_path / "out", camera).written == 1
+    found = read_picture(tmp_path / "geo.tif")
+    assert found.keep is None
+    assert (found.with_pixels(np.zeros_like(found.pixels)).pixels == 0).all()
+
+
+def test_no_pixel_becomes_no_data_where_white_is_zero(tmp_path):
+    stored = pixels(np.uint8, 1)
+    stored[:4] = 7
+    extra = [(42113, "s", 0, "7", True)]
+    tifffile.imwrite(tmp_path / "a.tif", stored, photometric="miniswhite", extratags=extra)
+    found = read_picture(tmp_path / "a.tif")
+    every = np.arange(stored.size, dtype=np.uint8).reshape(found.pixels.shape)
+    write_picture(tmp_path / "b.tif", found.with_pixels(every))
+    again = tifffile.imread(tmp_path / "b.tif")
+    assert ((again == 7) == (stored == 7)).all()
+    assert (again[4:] == 255 - every[4:, :, 0]).mean() > 0.99
+
+
+@pytest.mark.parametrize("depth", [1, 2, 4])
+def test_the_transparent_level_of_a_gray_png_of_few_bits(depth, tmp_path):
+    top = 2**depth - 1
+    chunks = {"IHDR": struct.pack(">IIBBBBB", 8, 1, depth, 0, 0, 0, 0), "tRNS": struct.pack(">H", top)}
+    levels = [level % (top + 1) for level in range(8)]
+    row = int("".join(f"{level:0{depth}b}" for level in levels), 2).to_bytes(depth, "big")
+    chunks |= {"IDAT": zlib.compress(b"\0" + row), "IEND": b""}
+    content = b"\x89PNG\r\n\x1a\n"
+    for name, data in chunks.items():
+        body = name.encode() + data
+        content += struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
+    (tmp_path / "a.png").write_bytes(content)
+    found = read_picture(tmp_path / "a.png").pixels[0]
+    assert found[:, 0].tolist() == [level * 255 // top for level in levels]
+    assert found[:, 1].tolist() == [0 if level == top else 255 for level in levels]
+
+
+def test_xmp_stays(camera, tmp_path):
+    note = b'<x:xmpmeta xmlns:x="adobe:ns:meta/"/>'
+    for name in ("a.jpg", "a.webp"):
+        Image.fromarray(pixels(np.uint8, 3)).save(tmp_path / name, xmp=note)
+        augment_files([tmp_path / name], tmp_path / "out", camera)
+        assert Image.open(tmp_path / "out" / name).info["xmp"] == note
 
 
 def test_floats_that_hold_whole_numbers_of_8_bit_are_refused(camera, tmp_path):

@@ -218,6 +218,52 @@ def test_population_uses_every_camera(fast):
     assert 5 < noise._params["camera"].sum() < 35  # 1e-6 outside
 
 
+def test_what_one_camera_draws_is_not_the_others(fast):
+    """Of a population: an image's numbers are those of its own camera, drawn or as they stand in its file."""
+    drawn = {"read_noise.sigma_e": 0.1, "row_noise.sigma_e": 0.1, "full_well_e": 0.1}
+    noisy = camera(
+        read_noise={"sigma_e": 400.0},
+        effects=[{"name": "row_noise", "sigma_e": 90.0}],
+        full_well_e=9000.0,
+        randomize=drawn,
+    )
+    rows = camera(read_noise={"sigma_e": 50.0}, effects=[{"name": "row_noise", "sigma_e": 7.0}])
+    plain = camera(read_noise={"sigma_e": 10.0}, randomize={"gain_db": {"std": 1.0}})
+    population = [rows, noisy, plain]
+    noise = SensorNoise(population, fast=fast, seed=2, black_level="keep")
+    draws = noise.draw(300)
+    for number, own in enumerate(population):
+        here = draws["camera"] == number
+        for path in (*drawn, "gain_db"):
+            values, nominal = draws[path][here], own.values().get(path)
+            if path in own.spec.randomize:
+                assert len(values.unique()) == len(values)
+            elif nominal is not None:
+                assert (values == torch.tensor(nominal)).all()
+        alone = SensorNoise(own, fast=fast, seed=2, black_level="keep")
+        spread, by_itself = (
+            each.apply_draws(torch.zeros(40, 1, 24, 24), some).std((1, 2, 3)).median().item()
+            for each, some in (
+                (noise, {name: value[here][:40] for name, value in draws.items()}),
+                (alone, alone.draw(40)),
+            )
+        )
+        assert spread == pytest.approx(by_itself, rel=0.2)
+    assert not any("read_noise" in path for path in SensorNoise([rows, camera()]).draw(2))
+
+
+def test_a_value_goes_to_the_cameras_of_a_population_that_have_it(fast):
+    rows, plain = camera(effects=[{"name": "row_noise", "sigma_e": 1.0}]), camera()
+    for population in ([rows, plain], [plain, rows]):
+        noise = SensorNoise(population, values={"row_noise.sigma_e": 900.0}, fast=fast, seed=3)
+        draws = noise.draw(12)
+        noisy = noise.apply_draws(torch.full((12, 1, 64, 8), 0.3), draws).mean(3).std(2).flatten()
+        with_rows = torch.tensor([one is rows for one in population])[draws["camera"]]
+        assert noisy[with_rows].min() > 5 * noisy[~with_rows].max()
+    with pytest.raises(InputError, match=r"column_noise\.sigma_e: is not a parameter of this camera"):
+        SensorNoise([rows, plain], values={"column_noise.sigma_e": 1.0})
+
+
 def test_same_on_batch_and_probability(fast):
     images = torch.full((200, 1, 8, 8), 0.5)
     same = VISNoise(camera(randomize=RANDOM), same_on_batch=True, fast=fast)(images[:4])
@@ -259,6 +305,14 @@ def test_full_scale_photons_make_brightness_depend_on_the_gain(fast):
     cam = camera(prnu={}, dsnu={})
     mean = VISNoise(cam, full_scale_photons=10_000.0, fast=fast)(flat).mean().item()
     assert mean == pytest.approx(5000 * 0.61 / 0.19 / (65535 - 240), rel=1e-3)
+
+
+def test_values_keep_their_precision_in_a_module_of_half_precision():
+    """A full well of 100,000 e- is infinite in float16, and white another level."""
+    flat = torch.full((1, 1, 32, 32), 0.5)
+    noises = [VISNoise(camera(), values={"full_well_e": 1e5, "gain_e_per_dn": 0.19}, seed=3) for _ in "ab"]
+    assert torch.equal(torch.nn.Sequential(noises[0]).half()(flat), noises[1](flat))
+    assert not noises[1].state_dict()
 
 
 def test_irradiance_is_the_relation_of_emva_1288():

@@ -9,6 +9,7 @@ pytest.importorskip("nrtk.interfaces", exc_type=ImportError)
 
 from nrtk.interfaces import PerturbImage
 
+from visaug import Camera, InputError
 from visaug.augment.nrtk_noise import CameraPerturber
 
 IMAGE = np.full((40, 60), 128, np.uint8)
@@ -32,6 +33,13 @@ def test_its_configuration_makes_it_again() -> None:
     again = CameraPerturber.from_config(json.loads(json.dumps(perturber.get_config())))
     np.testing.assert_array_equal(again(image=IMAGE)[0], perturber(image=IMAGE)[0])
     assert CameraPerturber in PerturbImage.get_impls()
+
+
+def test_a_camera_that_no_configuration_can_hold_is_refused() -> None:
+    """Of a `Camera` it would hold a text that names none."""
+    for camera in (Camera.load("sony_imx174"), ["sony_imx174"], None):
+        with pytest.raises(InputError, match=r"camera: is a .*; expected a camera file or the name"):
+            CameraPerturber(camera)
 
 
 def test_the_gain_in_db_is_the_cameras() -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from pydantic import ValidationError
 
 from visaug.camera import Camera
 from visaug.core.errors import InputError
@@ -98,6 +99,36 @@ def test_a_wrong_resolution_says_what_it_should_be(value, said):
 def test_replace_refuses_a_value_out_of_bounds(value):
     with pytest.raises(InputError, match="sigma_e"):
         Camera.load(RICH).replace({"row_noise.sigma_e": value})
+
+
+@pytest.mark.parametrize(
+    "value", ["much", None, float("nan"), -1e6, 1e6, [1.0], np.array([1.0, 2.0])], ids=repr
+)
+def test_replace_refuses_a_gain_out_of_bounds(value):
+    with pytest.raises(
+        InputError, match=r"gain_db: .* is out of range; expected a number from -60 to 120 dB"
+    ):
+        Camera.load(RICH).replace({"gain_db": value})
+
+
+@pytest.mark.parametrize(
+    "twenty",
+    ["20", "2e1", np.float32(20), np.array([20.0]), torch.nn.Parameter(torch.tensor(20.0))],
+    ids=repr,
+)
+def test_replace_takes_numbers_of_any_type(twenty):
+    found = Camera.load(RICH).replace({"gain_db": twenty, "exposure_s": twenty}).values()
+    assert (found["gain_db"], found["exposure_s"]) == (20.0, 20.0)
+    assert found["gain_e_per_dn"] == pytest.approx(2.0 * 10 ** (-17 / 20))
+
+
+def test_a_range_of_whole_numbers_has_a_whole_middle():
+    camera = Camera.load(RICH).with_effect("jpeg", quality=(50, 85), chroma="full")
+    assert camera.values()["jpeg.quality"] in (67.0, 68.0)
+    assert camera.spec.randomize["jpeg.quality"] == {"uniform": [50.0, 85.0]}
+    assert Camera.load(RICH).with_effect("row_noise", sigma_e=(1, 2)).values()["row_noise.sigma_e"] == 1.5
+    with pytest.raises(InputError, match="no_such_effect"):
+        camera.with_effect("no_such_effect", sigma_e=(1, 2))
 
 
 def test_effects_come_and_go():
@@ -195,3 +226,22 @@ def test_a_gain_replaced_with_its_decibels_is_a_new_reference():
     camera = Camera.load({"resolution": [8, 8], "gain_e_per_dn": 0.9, "gain_db": 3})
     values = camera.replace({"gain_db": 10.0, "gain_e_per_dn": 0.5}).values()
     assert (values["gain_db"], values["gain_e_per_dn"]) == (10.0, 0.5)
+
+
+def test_a_camera_cannot_be_changed_in_place():
+    """Its numbers are worked out once: another gain in `spec` alone would change a part of what it does."""
+    camera = Camera.load({"resolution": [8, 8], "gain_e_per_dn": 1.0})
+    for part, name in ((camera.spec, "gain_e_per_dn"), (camera.spec.read_noise, "sigma_e")):
+        with pytest.raises(ValidationError, match="frozen"):
+            setattr(part, name, 5.0)
+
+
+def test_values_of_no_parameter_are_refused():
+    camera = Camera.load({"resolution": [8, 8], "gain_e_per_dn": 1.0})
+    stream = Stream([1], [2], 1, (range(8), range(8)))
+    with pytest.raises(
+        InputError, match=r"read_noise\.sigma: is not a parameter of this camera; expected one of"
+    ):
+        camera.expose(torch.ones(1, 1, 8, 8), stream, {"read_noise.sigma": 5.0})
+    with pytest.raises(InputError, match="gain: is not a parameter"):
+        camera.finish(torch.ones(1, 1, 8, 8), values={"gain": 1.0})

@@ -12,6 +12,7 @@ from astropy.io import fits
 from visaug.camera import Camera
 from visaug.core.errors import InputError
 from visaug.core.sampling import Stream
+from visaug.pictures.part import with_a_well
 
 ROWS, COLUMNS = 40, 60
 
@@ -182,3 +183,19 @@ def test_a_camera_saved_elsewhere_finds_its_maps(tmp_path: Path, pattern, part):
     camera.save(tmp_path / "b" / "camera.yaml")
     again = Camera.load(tmp_path / "b" / "camera.yaml")
     assert torch.equal(again.maps[part], camera.maps[part])
+
+
+def test_a_camera_of_other_content_keeps_its_maps_whatever_the_working_folder(tmp_path, pattern, monkeypatch):
+    """Also that of pictures, which gets a full well; a map of another camera lies in the working folder."""
+    np.save(tmp_path / "map.npy", pattern)
+    camera = camera_at(tmp_path, dsnu="map.npy")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    np.save("map.npy", pattern + 100)
+    named = camera.with_content(camera.to_dict() | {"name": "other"})
+    for other in (named, with_a_well(camera), camera.replace({"exposure_s": 2.0})):
+        assert torch.equal(other.maps["dsnu"], camera.maps["dsnu"])
+        assert other.folder == camera.folder
+    smaller = camera.to_dict() | {"resolution": [ROWS, COLUMNS - 1]}
+    with pytest.raises(InputError, match=r"dsnu\.map: is 40 x 60; expected 40 x 59"):
+        camera.with_content(smaller)

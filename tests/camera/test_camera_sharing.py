@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from astropy.io import fits
 
 from visaug.app.cli.root import main
 from visaug.camera import Camera
@@ -82,13 +83,20 @@ def test_an_undocumented_camera_is_refused(file: Path, keys: dict, said: str) ->
     assert not (file.parent / "data").exists()
 
 
-def test_maps_go_along(file: Path) -> None:
+@pytest.mark.parametrize("name", ["dsnu.npy", "maps.npz#dark", "maps.npz#darks[1]", "dsnu.fits.gz"])
+def test_maps_go_along(file: Path, name: str) -> None:
     """The added camera still loads its map once the original is gone."""
     pattern = np.arange(24 * 32, dtype=np.float32).reshape(24, 32) / 1000
-    np.save(file.parent / "dsnu.npy", pattern)
-    changed(file, dsnu={"map": "dsnu.npy"}, source={**CONTENT["source"], "dsnu": "40 dark frames"})
+    original = file.parent / name.partition("#")[0]
+    if original.suffix == ".npy":
+        np.save(original, pattern)
+    elif original.suffix == ".npz":
+        np.savez(original, dark=pattern, darks=np.stack([0 * pattern, pattern]))
+    else:
+        fits.PrimaryHDU(pattern).writeto(original)
+    changed(file, dsnu={"map": name}, source={**CONTENT["source"], "dsnu": "40 dark frames"})
     add_camera(file)
-    (file.parent / "dsnu.npy").unlink()
+    original.unlink()
     np.testing.assert_array_equal(Camera.load("lab_camera_7").maps["dsnu"].numpy(), pattern)
     export_camera("lab_camera_7", "out")
     np.testing.assert_array_equal(Camera.load("out/lab_camera_7.yaml").maps["dsnu"].numpy(), pattern)

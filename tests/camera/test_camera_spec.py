@@ -72,6 +72,12 @@ def test_a_full_file_is_read(tmp_path: Path):
         (with_values(exposure_s=-1), "exposure_s"),
         (with_values(dark_current={"a_e_per_s": 1, "doubling_c": 8}), "dark_current"),
         (with_values(dark_current={"reference_e_per_s": 1, "doubling_c": 8}), "dark_current"),
+        (  # a file with a and b of this could not be read again
+            with_values(
+                dark_current={"reference_e_per_s": 1, "reference_temperature_c": 20, "doubling_c": 1.2}
+            ),
+            "dark_current.b_per_c",
+        ),
         (with_values(prnu={"pixel": 0.9}), "prnu.pixel"),
         (with_values(gain_db=True), "gain_db"),  # which a lax reader takes for 1
         (with_values(bit_depth=True), "bit_depth"),
@@ -98,7 +104,15 @@ def test_a_full_file_is_read(tmp_path: Path):
         (with_values(randomize={"gain_db": {"std": [3, 20]}}), "randomize.gain_db"),
         (with_values(randomize={"gain_db": {"std": 1, "uniform": [0, 1]}}), "randomize.gain_db"),
         (with_values(randomize={"gain_db": {"log_uniform": [0, 3]}}), "randomize.gain_db"),
+        (
+            with_values(bit_depth=8, randomize={"black_level_dn": {"uniform": [1, 255]}}),
+            "randomize.black_level",
+        ),
         (with_values(correlated=[["gain_db", "gain", 0.2]]), "correlated.0"),
+        (
+            with_values(correlated=[["gain_db", "exposure_s", 0.2], ["exposure_s", "gain_db", 0.3]]),
+            "correlated.1",
+        ),
         (with_values(correlated=[["gain_db", "gain_db", 0.2]]), "correlated.0"),
         (with_values(correlated=[["gain_db", "exposure_s", 1.0]]), "correlated.0"),
         (with_values(correlated=[["gain_db", "exposure_s"]]), "correlated.0"),
@@ -195,3 +209,21 @@ def test_a_black_level_that_leaves_no_range_is_refused(bits, black):
 def test_a_share_in_per_cent_is_told_as_a_fraction(wrong, hint):
     with pytest.raises(InputError, match=f"a fraction: {hint}"):
         Camera.load({"resolution": [8, 8], "gain_e_per_dn": 0.5, **wrong})
+
+
+@pytest.mark.parametrize(
+    ("spread", "value"),
+    [
+        ({"gain_db": 0.5}, "0"),
+        ({"full_well_e": {"half_normal": 5.0}}, "inf"),
+        ({"gain_db": {"std": 0.5}}, None),
+        ({"gain_db": 0}, None),
+        ({"exposure_s": 0.5}, None),
+        ({"full_well_e": {"uniform": [10, 20]}}, None),
+    ],
+)
+def test_a_spread_around_nothing_is_said(spread, value, caplog):
+    Camera.load({"resolution": [8, 8], "gain_e_per_dn": 1.0, "randomize": spread})
+    (path, given), expected = *spread.items(), "another law, such as {uniform: [a, b]}: the value is"
+    said = f"randomize.{path} = {given} has no effect; expected {expected} {value}"
+    assert caplog.messages == ([] if value is None else [said])

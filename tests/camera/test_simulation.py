@@ -179,3 +179,21 @@ def test_a_target_of_another_size_is_refused():
     )
     with pytest.raises(InputError, match=r"s\.npy.*3"):
         simulate(Camera.load(CONTENT), frames)
+
+
+def test_a_target_with_missing_values_is_refused():
+    clean = np.ones((ROWS, COLUMNS), np.float32)
+    clean[1, 2] = np.nan
+    frames = plan({"kind": "scene", "clean": "s.npy", "exposure_s": 0.01}, cleans={"s.npy": clean})
+    with pytest.raises(
+        InputError, match=r"s\.npy: holds values that are no numbers; expected photons per pixel"
+    ):
+        simulate(Camera.load(CONTENT), frames)
+
+
+def test_a_seed_of_numpys_is_that_of_pythons():
+    frames = plan({"kind": "bias", "exposure_s": 0.0})
+    first, second = (simulate(Camera.load(CONTENT), frames, seed=seed).read(0) for seed in (3, np.int64(3)))
+    np.testing.assert_array_equal(first, second)
+    with pytest.raises(InputError, match="seed: 'x' is not valid; expected a whole number"):
+        simulate(Camera.load(CONTENT), frames, seed="x")

@@ -1,5 +1,6 @@
 """An effect that is constructed and called without a camera."""
 
+import numpy as np
 import pytest
 import torch
 from scipy import stats
@@ -190,3 +191,76 @@ def test_a_range_in_a_camera_is_drawn_for_each_image():
 def test_a_range_that_is_none_is_refused(value):
     with pytest.raises(InputError):
         RowNoise(sigma_e=value)
+
+
+@pytest.mark.parametrize("effect", catalogue().values(), ids=list(catalogue()))
+def test_a_batch_of_none_stays_one(effect):
+    for shape in ((0, 3, 8, 9), (2, 1, 0, 5)):
+        for sequence in (False, True):
+            assert effect()(torch.zeros(shape, dtype=torch.float64), sequence=sequence).shape == shape
+    assert effect()(torch.zeros(0, 1, 4, 4, dtype=torch.uint8)).dtype == torch.float32
+
+
+@pytest.mark.parametrize(
+    "value", [np.float32(1.5), np.float64(1.5), np.array(1.5), torch.tensor(1.5)], ids=str
+)
+def test_numbers_of_numpy_and_torch_are_numbers(value):
+    signal = torch.full((8, 8), 10.0)
+    assert torch.equal(RowNoise(sigma_e=value)(signal), RowNoise(sigma_e=1.5)(signal))
+    ranges = RowNoise(sigma_e=(value, 2 * value)), RowNoise(sigma_e=(1.5, 3.0))
+    assert torch.equal(*(noise(signal) for noise in ranges))
+    cameras = [visaug.Camera.load("sony_imx174").with_effect("row_noise", sigma_e=v) for v in (value, 1.5)]
+    assert cameras[0].to_yaml() == cameras[1].to_yaml()
+    assert torch.equal(*(SystemGain()(signal, bit_depth=bits) for bits in (np.int64(12), 12)))
+
+
+def test_what_holds_no_number_for_a_parameter_is_refused():
+    wanted = torch.nn.Parameter(torch.tensor(1.5))  # whose gradient would be lost
+    for value in (True, wanted, np.array([1.0, 2.0]), torch.ones(2), "1.5", None):
+        with pytest.raises(InputError, match="sigma_e"):
+            RowNoise(sigma_e=value)
+    with pytest.raises(InputError, match="inf is out of range"):
+        Saturation(full_well_e=(100.0, float("inf")))
+    assert Saturation(full_well_e=float("inf"))(torch.ones(2, 2)).sum() == 4
+
+
+def test_a_pair_of_options_is_no_range():
+    with pytest.raises(InputError, match=r"rts_noise.levels: \('two', 'three'\) is not a choice"):
+        RTSNoise(levels=("two", "three"))
+    with pytest.raises(InputError, match=r"levels: \('two', 'three'\) is not a choice"):
+        visaug.Camera.load("sony_imx174").with_effect("rts_noise", levels=("two", "three"))
+
+
+@pytest.mark.parametrize("three", [np.int64(3), np.uint8(3), torch.tensor(3)], ids=repr)
+def test_a_seed_is_a_whole_number_of_any_type(three):
+    signal = torch.full((2, 1, 8, 8), 10.0)
+    assert torch.equal(RowNoise()(signal, seed=three), RowNoise()(signal, seed=3))
+    assert torch.equal(DSNU(pixel_e=1.0)(signal, camera_seed=three), DSNU(pixel_e=1.0)(signal, camera_seed=3))
+    for other in (3.0, "3", None):
+        with pytest.raises(InputError, match=r"camera_seed: .* is not valid; expected a whole number"):
+            RowNoise()(signal, camera_seed=other)
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        {"exposure_s": -1.0},
+        {"temperature_c": float("nan")},
+        {"gain_e_per_dn": 0.0},
+        {"full_well_e": -5.0},
+        {"quantum_efficiency": 60.0},
+        {"bit_depth": 12.5},
+        {"bit_depth": 32},
+    ],
+    ids=str,
+)
+def test_a_condition_out_of_range_is_refused(condition):
+    with pytest.raises(InputError, match=next(iter(condition))):
+        RowNoise()(torch.zeros(4, 4), **condition)
+
+
+def test_no_number_has_no_count():
+    light = torch.tensor([[100.0, float("nan")]])
+    count = visaug.effects.PhotonShotNoise()(light)
+    assert count.isnan().tolist() == [[False, True]]
+    assert count[0, 0] > 0

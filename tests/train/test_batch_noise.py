@@ -36,7 +36,11 @@ def test_a_share_of_the_images_is_left_alone():
     assert abs(int(changed.sum()) - 100) < 44
 
 
-def test_white_sensor_noise_is_equation_6():
+@pytest.mark.parametrize(
+    ("law", "temperature_c", "degrees"),
+    [("exponential", 10, 10.0), ("exponential", 60, 60.0), ("arrhenius", 60, 60 * 273.15 / 333.15)],
+)
+def test_white_sensor_noise_is_equation_6(law, temperature_c, degrees):
     torch.manual_seed(0)
     camera = Camera.load(
         {
@@ -46,15 +50,15 @@ def test_white_sensor_noise_is_equation_6():
             "black_level_dn": 95,
             "quantum_efficiency": 0.6,
             "exposure_s": 2.0,
-            "temperature_c": 10,
+            "temperature_c": temperature_c,
             "read_noise": {"sigma_e": 9.0},
-            "dark_current": {"a_e_per_s": 20.0, "b_per_c": 0.05},
+            "dark_current": {"a_e_per_s": 20.0, "b_per_c": 0.05, "law": law},
             "dsnu": {"column_e": 50.0},
         }
     )
     noise = WhiteSensorNoise(camera)(torch.full((8, 1, 150, 150), 0.4)) - 0.4
     electrons = 0.4 * 4000 * 0.5  # 1 is the saturation, 4095 - 95 DN
-    dark = 2.0 * 20 * 2.718281828**0.5
+    dark = 2.0 * 20 * 2.718281828 ** (0.05 * degrees)
     expected = (electrons + dark + 81) ** 0.5 / 0.5 / 4000
     # 180,000 values: relative standard error 0.17 %; 6 of them. The fixed pattern has no part in it.
     assert float(noise.std()) == pytest.approx(expected, rel=0.01)

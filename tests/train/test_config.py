@@ -127,6 +127,22 @@ def test_white_noise_that_is_there_already_is_taken_off():
     assert left == pytest.approx(spec.read_noise.sigma_e * 0.75**0.5)
 
 
+@pytest.mark.parametrize(
+    "more", [{"gain_db": 20.0}, {"gain_db": [14.0, 26.0]}, {"set": {"gain_db": 20.0}}], ids=str
+)
+def test_what_is_there_is_taken_off_at_the_arms_own_gain(more, tmp_path):
+    """20 dB above the camera's 0: the same share of white is a tenth of the electrons."""
+    from visaug.camera import Camera
+    from visaug_train.arms import Vis
+    from visaug_train.noise import vis_noise
+
+    content = {"resolution": [8, 8], "gain_e_per_dn": 0.5, "read_noise": {"sigma_e": 10.0}}
+    Camera.load(content).save(tmp_path / "c.yaml")
+    present = 6.0 / (65535 * 0.05)
+    vis = Vis(camera=str(tmp_path / "c.yaml"), white_std_present=present, **more)
+    assert vis_noise(vis).sensor.cameras[0].spec.read_noise.sigma_e == pytest.approx(8.0)
+
+
 def test_unknown_training_argument_is_one_line_before_any_training(tmp_path, capfd):
     from visaug_train.checks import check_arms
 

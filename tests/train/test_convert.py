@@ -1,6 +1,7 @@
 """ultralytics' labels: values, visibility, whole or not at all, going on."""
 
 import shutil
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -9,7 +10,7 @@ import yaml
 
 from visaug.core.errors import InputError
 from visaug_train.config import check_config
-from visaug_train.convert import convert, label_lines
+from visaug_train.convert import convert, identity, label_lines
 from visaug_train.geometry import Keypoints
 from visaug_train.record import decides
 from visaug_train.render.dataset import SPEED_PLUS_CAMERA
@@ -98,3 +99,16 @@ def test_images_that_would_share_a_label_are_refused(tmp_path, names, size):
     with pytest.raises(InputError, match="would have the label of"):
         convert({"train": poses}, TANGO, tmp_path / "out", size)
     assert not (tmp_path / "out").exists()
+
+
+def test_other_images_of_the_same_size_in_bytes_are_other_images(rendered, tmp_path):
+    """Uncompressed ones all have one size: a prediction of the old ones is not that of the new."""
+    poses = read_poses(rendered, "synthetic", "test")
+    files = tuple(tmp_path / f"{number}.bmp" for number in range(len(poses)))
+    found = []
+    for level in (10, 10, 20):
+        for file in files:
+            cv2.imwrite(str(file), np.full(poses.camera.size[::-1], level, np.uint8))
+        found.append(identity(replace(poses, files=files)))
+    assert found[0] == found[1] != found[2]
+    assert "sha256" not in identity(poses)  # compressed ones differ in size

@@ -5,11 +5,23 @@ import yaml
 
 from visaug.camera import camera as camera_module
 from visaug.core.errors import InputError
+from visaug.effects.catalogue import catalogue, load_file, registered
 from visaug_train import commands
 from visaug_train.config import check_config
+from visaug_train.parallel import _in_folder
 from visaug_train.record import decides, surroundings
 
 CAMERA = {"resolution": [32, 32], "gain_e_per_dn": 0.5}
+TILT = """
+from visaug.effects import Effect, Parameter, Stage
+
+class Tilt(Effect):
+    name, stage, summary, source = "tilt", Stage.READOUT, "A slope along the rows.", "made up"
+    slope_e = Parameter(1.0, unit="e-", high=100.0, strength=True, source="made up")
+
+    def apply(self, signal, p, stream, context):
+        return signal + FACTOR * p.slope_e * context.columns(signal)
+"""
 
 
 @pytest.fixture
@@ -34,6 +46,40 @@ def test_a_shipped_camera_that_changes_is_another_run(tmp_path, data_yaml, monke
         found.append(decides(made, made.arm("vis"), data_yaml))
     assert found[0] == found[1] != found[2]
     assert found[2]["cameras"][0]["read_noise"]["sigma_e"] == 2.0
+
+
+@pytest.mark.parametrize("of", ["camera", "arm"])
+def test_an_effect_of_ones_own_that_changes_is_another_run(of, tmp_path, data_yaml):
+    """Whether the camera's file names it or the arm adds it; runs without one are what they were."""
+    entry, file = {"name": "tilt", "slope_e": 2.0}, tmp_path / "tilt.py"
+    camera = tmp_path / "camera.yaml"
+    camera.write_text(yaml.safe_dump(CAMERA | ({"effects": [entry]} if of == "camera" else {})))
+    vis = {"camera": str(camera), **({"effects": [entry]} if of == "arm" else {})}
+    found = []
+    for factor in ("1", "1", "2"):
+        file.write_text(TILT.replace("FACTOR", factor))
+        with registered():
+            load_file(file)
+            made = config(arms={"baseline": {}, "vis": {"vis": vis}})
+            found.append(decides(made, made.arm("vis"), data_yaml))
+            assert "sha256" not in str(decides(made, made.arm("baseline"), data_yaml)["cameras"])
+    assert found[0] == found[1] != found[2]
+
+
+def test_a_node_of_a_cluster_knows_the_effects_of_ones_own(tmp_path, monkeypatch):
+    """It starts without them; what the driver loaded is loaded there, in the driver's folder."""
+    file = tmp_path / "tilt.py"
+    file.write_text(TILT.replace("FACTOR", "1"))
+    monkeypatch.chdir(tmp_path)
+    seen = []
+
+    def work(study, arm, seed):
+        seen.append((study, arm, seed, "tilt" in catalogue()))
+
+    with registered():
+        assert "tilt" not in catalogue()
+        assert _in_folder("study", work, "vis", 3, str(tmp_path), [file]) is None
+    assert seen == [("study", "vis", 3, True)]
 
 
 def test_weights_are_known_by_their_bytes(tmp_path, data_yaml):

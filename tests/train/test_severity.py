@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import yaml
 
 from visaug.camera import Camera
 from visaug.core.errors import InputError
@@ -75,6 +76,20 @@ def test_curves_follow_the_noise_and_resume(rendered: Path, tmp_path: Path) -> N
     assert not (tmp_path / "s" / "images.partial").exists()
     with pytest.raises(InputError, match="another network"):
         severity(poses, TANGO, network, CAMERA, tmp_path / "s", axes, network="other")
+
+
+def test_curves_of_a_camera_whose_map_has_changed_are_refused(rendered: Path, tmp_path: Path) -> None:
+    """The name of the file is the same."""
+    poses, content = read_poses(rendered, "synthetic", "test"), CAMERA.to_dict() | {"dsnu": {"map": "d.npy"}}
+    (tmp_path / "camera.yaml").write_text(yaml.safe_dump(content))
+    for level in (1.0, 2.0):
+        np.save(tmp_path / "d.npy", np.full((100, 160), level))
+        camera, network = Camera.load(tmp_path / "camera.yaml"), Network()
+        if level == 2:
+            with pytest.raises(InputError, match="another network, set, camera or seed"):
+                severity(poses, TANGO, network, camera, tmp_path / "s", ["exposure"])
+            break
+        severity(poses, TANGO, network, camera, tmp_path / "s", ["exposure"])
 
 
 def test_one_thing_changes_at_a_time() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from visaug_train.statistics import paired_interval
+from visaug_train.statistics import image_variance, paired_interval, share_interval
 
 
 def test_without_variance_of_images_it_is_students_t():
@@ -35,3 +35,18 @@ def test_it_covers_the_truth_as_often_as_it_says(by_seed, by_image):
         low, high = paired_interval(each.mean(axis=1, keepdims=True), np.array([variance]), images)
         covered += bool(low[0] <= 0.3 <= high[0])
     assert covered / studies > 0.935
+
+
+@pytest.mark.parametrize("resamples", [0, 1])
+@pytest.mark.filterwarnings("error")
+def test_fewer_than_two_resamples_tell_nothing_of_the_images(resamples):
+    """With several seeds the interval is then theirs alone, with one there is none."""
+    resampled, gains, oracle = (
+        np.ones((resamples, 2)),
+        np.array([0.1, 0.11, 0.09]),
+        np.array([0.2, 0.21, 0.2]),
+    )
+    assert np.isnan(image_variance(resampled)).all()
+    low, high = share_interval(gains, oracle, resampled, 50)
+    assert low < 0.5 < high
+    assert share_interval(gains[:1], oracle[:1], resampled, 50) is None

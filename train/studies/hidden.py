@@ -31,6 +31,7 @@ from visaug_train import tables
 from visaug_train.config import Arm, Config
 from visaug_train.convert import identity
 from visaug_train.plots import plot_scores
+from visaug_train.record import taken_from_files
 from visaug_train.reduction import read_pixels, write_png
 from visaug_train.render.dataset import LINEAR_WHITE_DN
 from visaug_train.speed import PoseSet, write_listing
@@ -110,6 +111,7 @@ def hide_effects(
 
     for domain, camera in cameras.items():
         decides = f"{camera.to_yaml()} {hidden.light} {identity(views)}"
+        decides += f" {files}" if (files := taken_from_files(camera)) else ""
         digest = hashlib.sha256(decides.encode()).hexdigest()[:8]
         folder = config.output / "cameras" / f"{domain}-{digest}"
         taken[domain] = take_views(camera, views, folder, domain, hidden.light, progress)
@@ -163,7 +165,7 @@ def kept_diagnosis(
         camera = diagnosis.camera
         if spreads is not None:
             known = {path: spread for path, spread in spreads.items() if path in camera.values()}
-            camera = visaug.Camera.load(camera.to_dict() | {"randomize": known})
+            camera = camera.with_content(camera.to_dict() | {"randomize": known})
         camera.save(found)
         write_json(answer, diagnosis.to_json())  # last: where it stands, the camera does
     return read_json(answer)

@@ -27,7 +27,7 @@ from visaug_train.reduction import read_pixels, reduced_camera
 from visaug_train.render.dataset import DOMAINS
 from visaug_train.render.independent_camera import IndependentCamera
 from visaug_train.speed import PoseSet
-from visaug_train.statistics import paired_interval, share_interval, sign
+from visaug_train.statistics import image_variance, paired_interval, share_interval, sign
 from visaug_train.studies.hidden import MEASURE, VERDICTS
 
 if TYPE_CHECKING:
@@ -242,7 +242,7 @@ def _gain(
     won, by_images = (np.stack(each, axis=1) for each in zip(*found))
     won, by_images = won - at_baseline[:, None], by_images - resampled[:, None]
     images = min(len(ablation.study.tests[domain]) for domain in domains)
-    ends = paired_interval(won, by_images.var(axis=0, ddof=1), images)
+    ends = paired_interval(won, image_variance(by_images), images)
     own, known = np.array([won.mean(axis=0), *ends]).T.tolist()
     share = share_interval(won[:, 0], won[:, 1], by_images, images) or (None, None)
     ratio = own[0] / known[0] if known[0] else float("nan")

@@ -1,7 +1,8 @@
 """Camera noise as an albumentations transform; imports albumentations."""
 
 import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import count, repeat
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import torch
 from torch.utils.data import get_worker_info
 
-from visaug.augment.draws import nth_frame
+from visaug.augment.draws import draws_from_json, draws_to_json, nth_frame
 from visaug.augment.images import ImageNoise, channel_order, probability
 from visaug.augment.sensor_noise import SensorNoise, Source
 from visaug.augment.under_ultralytics import hook
@@ -59,22 +60,25 @@ class AlbumentationsNoise(albumentations.ImageOnlyTransform):
         self.camera, self.bits, self.options = camera, bits, options
         self.order = None if order is None else channel_order(order)
         self.noise = ImageNoise(camera, bits=bits, **options)
-        self._draws: dict[str, torch.Tensor] | None = None
-        self._images, self._several = 0, False
         hook(arrive)
 
     def apply_with_params(self, params: dict[str, Any], *args: Any, **kwargs: Any) -> dict[str, Any]:
-        self._draws, self._images = None, 0  # all images of this call share a camera and its fixed pattern
         functions = [(self._key2func.get(key), value) for key, value in kwargs.items() if value is not None]
         frames = sum(len(value) for function, value in functions if function == self.apply_to_images)
-        self._several = frames + sum(function == self.apply for function, _ in functions) > 1
-        return super().apply_with_params(params, *args, **kwargs)
+        several = frames + sum(function == self.apply for function, _ in functions) > 1
+        draws = draws_from_json(
+            params["draws"]
+        )  # all images of this call share a camera and its fixed pattern
+        each = (nth_frame(draws, number) for number in count()) if several else repeat(draws)
+        return super().apply_with_params({**params, "each": each}, *args, **kwargs)
 
-    def apply(self, img: np.ndarray, noise_seed: int, **params: Any) -> np.ndarray:
-        return self.noise.noised(img, self._next_draws(noise_seed), self._order)
+    def apply(self, img: np.ndarray, each: Iterator[dict[str, torch.Tensor]], **params: Any) -> np.ndarray:
+        return self.noise.noised(img, next(each), self._order)
 
-    def apply_to_images(self, images: np.ndarray, *args: Any, noise_seed: int, **params: Any) -> np.ndarray:
-        return np.stack([self.apply(image, noise_seed) for image in images]) if len(images) else images
+    def apply_to_images(
+        self, images: np.ndarray, *args: Any, each: Iterator[dict[str, torch.Tensor]], **params: Any
+    ) -> np.ndarray:
+        return np.stack([self.apply(image, each) for image in images]) if len(images) else images
 
     def described(self) -> str:
         """In one line: camera, options, order of the channels, probability."""
@@ -84,20 +88,12 @@ class AlbumentationsNoise(albumentations.ImageOnlyTransform):
     def _order(self) -> str:
         return self.order or self.default_order
 
-    def _next_draws(self, noise_seed: int) -> dict[str, torch.Tensor]:
-        """Of the next image of this call."""
-        if self._draws is None:
-            with torch.random.fork_rng(devices=[]):
-                torch.manual_seed(noise_seed)
-                self._draws = self.noise.noise.draw(1)
-        drawn = nth_frame(self._draws, self._images) if self._several else self._draws
-        self._images += 1
-        return drawn
-
     def get_params(self) -> dict[str, Any]:
         word = self.py_random.getrandbits(62)
         worker = get_worker_info()  # workers start with copies of one generator
-        return {"noise_seed": word if worker is None else derive_key(word, "worker", worker.seed) >> 2}
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(word if worker is None else derive_key(word, "worker", worker.seed) >> 2)
+            return {"draws": draws_to_json(self.noise.noise.draw(1))}  # a replay has them again
 
     def get_transform_init_args(self) -> dict[str, Any]:
         """What makes the same transform again, as JSON takes it."""

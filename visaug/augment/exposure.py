@@ -40,15 +40,18 @@ def check_images(images: Any) -> Tensor:
     if not images.dtype.is_floating_point:
         expected = "floating point in [0, 1]: divide by the largest value of the type (255 for uint8)"
         raise InputError(f"has type {images.dtype}", field="images", expected=expected)
-    if shape[1] > 4 and shape[3] in (1, 3, 4):
-        expected = "(B, C, H, W): permute(0, 3, 1, 2)"
-        raise InputError(f"has shape {shape}, channels last", field="images", expected=expected)
     check_pixels(shape)
     return images
 
 
 def check_pixels(shape: Sequence[int]) -> None:
-    """Raises InputError where images of a shape (..., C, H, W), or (H, W), have no pixels."""
+    """Raises InputError where images of a shape (..., C, H, W), or (H, W), have no pixels, or their channels last."""
+    if len(shape) > 2 and shape[-3] > MOST_COLOURS + 1 and shape[-1] in (1, 3, 4):
+        problem, expected = (
+            f"has shape {tuple(shape)}, channels last",
+            "(..., C, H, W): image.movedim(-1, -3)",
+        )
+        raise InputError(problem, field="images", expected=expected)
     if 0 in shape[-3:]:
         raise InputError(f"has shape {tuple(shape)}, no pixels", field="images", expected="one pixel or more")
 
@@ -192,6 +195,8 @@ class Exposure:
             }
             share = share.to(device, torch.float32).view(-1, 1, 1, 1)
         subtract, full_scale = noise.black_level == "subtract", noise.full_scale_photons
+        if full_scale is not None:
+            full_scale /= noise.strength**2  # as all charge before the readout
         self.scale = scale_of(camera, self.values, share, subtract, full_scale)
 
     def of_light(self, light: Tensor, path: ColourPath | None, scale: int) -> Tensor:

@@ -25,6 +25,7 @@ from visaug.augment.label_images import why_labels
 from visaug.augment.sensor_noise import SensorNoise
 from visaug.core.errors import InputError, naming
 from visaug.core.files import whole_file
+from visaug.core.sampling import as_seed
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
@@ -117,7 +118,7 @@ def augment_files(
         InputError: no pictures, none that can be used, two with the same place in `output`, an output that
             has the name of a picture, or would overwrite an original, or a file that visaug did not write in the place of a copy.
     """
-    output = Path(output)
+    output, seed = Path(output), as_seed(seed)
     p, bits = probability(p), used_bits(bits)
     if copies < 1:
         raise InputError(f"{copies} copies", field="copies", expected="1 or more")
@@ -125,10 +126,10 @@ def augment_files(
         raise InputError("is the name of a picture", file=output, expected="a folder for the copies")
     jobs = plan_jobs([Path(path) for path in inputs], output, copies, include, exclude)
     yolo = {name: label for name in jobs.sources if labels and (label := find_label(jobs.sources[name]))}
-    carried: dict[str, Path] = {}  # files that go along as they are: all others, but for YOLO labels
-    if labels and copies == 1:
-        own = {label.resolve() for label in yolo.values()}
-        carried = {name: other for name, other in jobs.others.items() if other.resolve() not in own}
+    own = {label.resolve() for label in yolo.values()}
+    others = {name: other for name, other in jobs.others.items() if other.resolve() not in own}
+    # files that go along as they are: all others, but for YOLO labels
+    carried, left = (others, {}) if labels and copies == 1 else ({}, others)
     yolo = {_label_name(output, name): label for name, label in yolo.items()}
     check_kept(output, {**jobs.sources, **carried, **yolo})
     noise = SensorNoise(camera, **options)
@@ -155,8 +156,12 @@ def augment_files(
             work.carry(name, source)
     done = work.done
     done.outputs, done.again = jobs.outputs, jobs.again
-    if not labels:
-        done.skipped, done.excluded = jobs.skipped, jobs.excluded
+    for other in left.values():
+        suffix = other.suffix.lower()
+        if suffix in SUFFIXES:
+            done.excluded += 1
+        else:
+            done.skipped[suffix or "without a suffix"] += 1
     if not work.labelled and done.carried:
         done.unlabelled = 0
     if progress:
@@ -275,10 +280,10 @@ def add_noise(picture: Picture, noise: SensorNoise, seed: int, bits: int | None 
     light = pixels[..., :colours]
     top = _white(picture, bits)
     clean = torch.from_numpy((light.astype(np.float64) / top).clip(0, 1).astype(np.float32))
-    with torch.random.fork_rng(devices=[]), torch.no_grad():
-        torch.manual_seed(seed)
+    with torch.no_grad():
+        draws = noise.draw(1, source=torch.Generator().manual_seed(seed))
         batch = clean.permute(2, 0, 1)[None].contiguous()
-        noisy = noise.apply_draws(batch, noise.draw(1), transfer=picture.transfer)[0].permute(1, 2, 0)
+        noisy = noise.apply_draws(batch, draws, transfer=picture.transfer)[0].permute(1, 2, 0)
     result = pixels.copy()
     values = noisy.double().numpy() * top
     if pixels.dtype.kind != "f":

@@ -1,7 +1,6 @@
 """Which pictures `visaug augment` makes from which originals, and where their labels lie."""
 
 import os
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -19,8 +18,6 @@ class CopyPlan:
     Attributes:
         sources: name of each copy -> its original.
         others: name -> file that is no picture, or not one of those chosen.
-        excluded: number of pictures that the patterns leave out.
-        skipped: suffix -> number of files that are no pictures.
         outputs: folders of the inputs in which copies of `visaug augment` were passed over: all of a folder below an input, and
             in an input itself the copies alone.
         again: inputs that hold nothing but such copies, which are read.
@@ -28,8 +25,6 @@ class CopyPlan:
 
     sources: dict[str, Path] = field(default_factory=dict)
     others: dict[str, Path] = field(default_factory=dict)
-    excluded: int = 0
-    skipped: Counter[str] = field(default_factory=Counter)
     outputs: list[Path] = field(default_factory=list)
     again: list[Path] = field(default_factory=list)
 
@@ -58,11 +53,8 @@ def plan_jobs(
         used = {pattern for pattern in include if matches(name, pattern)}
         unused -= used
         left_out = (include and not used) or any(matches(name, pattern) for pattern in exclude)
-        if suffix not in SUFFIXES:
-            jobs.skipped[suffix or "without a suffix"] += 1
         if suffix not in SUFFIXES or left_out:
             jobs.others[placed] = source
-            jobs.excluded += suffix in SUFFIXES
             continue
         for copy in copy_names(placed, copies):
             other = jobs.sources.get(copy)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from copy import deepcopy
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,9 @@ class CameraPerturber(PerturbImage):
         transfer: str = "auto",
     ) -> None:
         super().__init__()
+        if not isinstance(camera, str | Path):  # which a configuration can hold
+            expected = "a camera file or the name of a camera"
+            raise InputError(f"is a {type(camera).__name__}", field="camera", expected=expected)
         options = {"gain_db": gain_db, "exposure": exposure, "strength": strength, "transfer": transfer}
         self._config = {"camera": str(camera), "seed": seed, **options}
         self._noise = ImageNoise(camera, **options)

@@ -97,11 +97,11 @@ def noise_by_level(
     """
     sigma = []
     flats, side = 16, 96  # draws of the camera, each on so many pixels squared
-    with torch.random.fork_rng(devices=[]), torch.no_grad():
-        torch.manual_seed(seed)
+    source = torch.Generator().manual_seed(seed)
+    with torch.no_grad():
         for level in levels:
             flat = torch.full((flats, picture.colours, side, side), level / 255)
-            noisy = noise.apply_draws(flat, noise.draw(flats), transfer=picture.transfer)
+            noisy = noise.apply_draws(flat, noise.draw(flats, source=source), transfer=picture.transfer)
             sigma.append(255 * float(noisy.double().var(dim=(2, 3)).mean()) ** 0.5)
     return tuple(sigma)
 

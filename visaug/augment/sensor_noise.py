@@ -117,6 +117,10 @@ class SensorNoise(nn.Module):
         super().__init__()
         self.cameras = _population(camera)
         self._spreads = [spreads(camera) for camera in self.cameras]
+        drawn = {path for random in self._spreads for path in random.paths}
+        known = [camera.values() for camera in self.cameras]
+        # 0 where a camera has no such parameter
+        self._nominal = {path: torch.tensor([values.get(path, 0.0) for values in known]) for path in drawn}
         self.fixed_pattern = options.check_choice("fixed_pattern", fixed_pattern)
         self.transfer = options.check_choice("transfer", transfer)
         self.black_level = options.check_choice("black_level", black_level)
@@ -143,12 +147,13 @@ class SensorNoise(nn.Module):
             expected = "subtract for a colour camera, or mono=True"
             raise InputError(problem, field="black_level", expected=expected)
         self._generator: tuple[tuple[int | None, int], torch.Generator] | None = None
-        self._names: dict[str, str] = {}
+        self._names: dict[str, str] = {}  # of parameters of this module
+        self._values: dict[str, Tensor] = {}  # the others; no buffers, which `.half()` would round
         for path, value in (values or {}).items():
             self._add_value(path, value)
 
     def _add_value(self, path: str, value: Tensor | float) -> None:
-        known = self.cameras[0].values()
+        known = {name: None for camera in self.cameras for name in camera.values()}
         if path not in known:
             expected = f"one of {', '.join(known)}"
             raise InputError("is not a parameter of this camera", field=path, expected=expected)
@@ -159,15 +164,22 @@ class SensorNoise(nn.Module):
         if len(self.cameras) > 1 and torch.as_tensor(value).numel() > 1:
             expected = "one number, for several cameras"
             raise InputError("has a value for each image", field=path, expected=expected)
-        name = self._names[path] = "value_" + path.replace(".", "_")
         if isinstance(value, nn.Parameter):
-            self.register_parameter(name, value)
+            self._names[path] = "value_" + path.replace(".", "_")
+            self.register_parameter(self._names[path], value)
         else:
-            self.register_buffer(name, torch.as_tensor(value, dtype=torch.float32), persistent=False)
+            self._values[path] = torch.as_tensor(value, dtype=torch.float32)
 
-    def draw(self, count: int, same_on_batch: bool = False) -> dict[str, Tensor]:
-        """Draws random keys and parameters for `count` images; see `visaug.augment.draws`."""
-        number, source = 1 if same_on_batch else count, self._random_source()
+    def draw(
+        self, count: int, same_on_batch: bool = False, source: torch.Generator | None = None
+    ) -> dict[str, Tensor]:
+        """Draws random keys and parameters for `count` images; see `visaug.augment.draws`.
+
+        Args:
+            same_on_batch: one draw for all images.
+            source: of the random numbers, whatever the seed, the worker and the rank; None follows these.
+        """
+        number, source = 1 if same_on_batch else count, source or self._random_source()
         draws = {"keys": _keys(number, source)}
         if self.fixed_pattern == "camera":  # the individual that `simulate` has at this seed
             kept = signed(derive_key(self.seed or 0, "camera"))
@@ -178,8 +190,12 @@ class SensorNoise(nn.Module):
         for which, random in enumerate(self._spreads):
             uniform = torch.rand(number, len(random.paths), dtype=torch.float64, generator=source)
             for path, value in random.values(uniform).items():
-                other = draws.get(path)  # of another camera that has it too
-                draws[path] = value if other is None else torch.where(draws["camera"] == which, value, other)
+                if (
+                    len(self.cameras) > 1
+                ):  # images of other cameras have those cameras' own value, drawn or not
+                    other = draws.get(path, self._nominal[path][draws["camera"]])
+                    value = torch.where(draws["camera"] == which, value, other)
+                draws[path] = value
         for name, ends in (("gain_db", self.gain_db), ("exposure", self.exposure)):
             if ends is not None:  # instead of a camera's own
                 low, high = ends
@@ -228,7 +244,7 @@ class SensorNoise(nn.Module):
     def _noisy(self, images: Tensor, draws: Mapping[str, Tensor], transfer: str | None) -> Tensor:
         """What the cameras make of images that have been checked."""
         if self.strength == 0 or len(images) == 0:
-            return images
+            return images.clone()  # what is done to it in place does not reach the input
         lit = light_channels(images.shape[1], self.mono)
         encoded = (transfer if self.transfer == "auto" else self.transfer) == "srgb"
         light = images[:, :lit].float()
@@ -303,12 +319,17 @@ class SensorNoise(nn.Module):
     def _exposure(self, camera: Camera, draws: Mapping[str, Tensor], light: Tensor) -> Exposure:
         may_be_fast, known = self._may_be_fast(light), camera.arrays()
         changed = {path: value for path, value in draws.items() if path in known}
-        for path, name in self._names.items():
-            changed[path] = getattr(self, name)
-            if (count := changed[path].numel()) not in (1, len(light)):
+        for path, value in self._given().items():
+            if (count := value.numel()) not in (1, len(light)):
                 problem = f"has {count} values for {len(light)} images"
                 raise InputError(problem, field=path, expected="one number, or one for each image")
+            if path in known:  # of a population some cameras may lack an effect
+                changed[path] = value
         return Exposure(camera, draws, changed, light.device, may_be_fast, self)
+
+    def _given(self) -> dict[str, Tensor]:
+        """The replacements of camera parameters by path."""
+        return self._values | {path: getattr(self, name) for path, name in self._names.items()}
 
     def _pixels_per_pixel(self, camera: Camera, light: Tensor) -> int:
         if self.resolution == "network":
@@ -323,7 +344,7 @@ class SensorNoise(nn.Module):
             return False
         if not torch.is_grad_enabled():
             return True
-        return not (light.requires_grad or any(getattr(self, n).requires_grad for n in self._names.values()))
+        return not (light.requires_grad or any(value.requires_grad for value in self._given().values()))
 
     def described(self) -> str:
         """Cameras, transfer function, seed, and the options that are not at their defaults, as in a call."""
@@ -339,8 +360,8 @@ class SensorNoise(nn.Module):
                 a_range = name in ("gain_db", "exposure")
                 value = value[0] if a_range and value[0] == value[-1] else value
                 words.append(f"{name}={value!r}")
-        if self._names:
-            words.append(f"values of {', '.join(self._names)}")
+        if given := self._given():
+            words.append(f"values of {', '.join(given)}")
         return ", ".join(words)
 
     extra_repr = described

@@ -5,6 +5,7 @@ import logging
 import os
 from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
+from math import isinf
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from torch import Tensor
 from visaug.camera import chain, paths
 from visaug.camera.colour import ColourPath, colour_path
 from visaug.camera.maps import effect_of, load_maps, moved, named_maps, set_map
-from visaug.camera.spec import CameraSpec, check_spec, read_spec
+from visaug.camera.spec import CameraSpec, check_spec, number, read_spec
 from visaug.core.errors import InputError
 from visaug.core.files import write_text
 from visaug.core.nearest import did_you_mean
@@ -25,7 +26,7 @@ from visaug.core.sampling.distributions import MOST_MEAN
 from visaug.core.wording import first_of
 from visaug.effects import Context, Stage, catalogue
 from visaug.effects.effect import ends
-from visaug.effects.parameter import unused
+from visaug.effects.parameter import check_value, unused
 
 
 def shipped() -> dict[str, Path]:
@@ -156,7 +157,7 @@ class Camera:
         return dict(self._values)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """The values of `values` as (1,) float64 arrays, read-only."""
+        """The values of `values` as (1,) float64 arrays, which must not be changed."""
         return dict(self._arrays)
 
     def choices(self) -> dict[str, str]:
@@ -178,11 +179,12 @@ class Camera:
             >>> camera.replace({"gain_db": 20.0}).values()["gain_e_per_dn"]
             0.05
         """
-        content = self.to_dict()
+        content, values = self.to_dict(), {path: _one(value) for path, value in values.items()}
         if "gain_db" in values and "gain_e_per_dn" not in values:
-            values = {**values, "gain_e_per_dn": self.gain_at(float(values["gain_db"]))}
+            gain_db = number(values["gain_db"])
+            check_value(paths.place_of("gain_db").parameter, gain_db, "gain_db")
+            values = {**values, "gain_e_per_dn": self.gain_at(gain_db)}
         for path, value in values.items():
-            value = value.item() if hasattr(value, "item") else value
             effect, _, key = path.partition(".")
             if path == "full_well_e" and value == float("inf"):
                 content.pop(path, None)
@@ -197,7 +199,7 @@ class Camera:
                     raise InputError("is not a parameter of this camera", field=path, expected=expected)
                 entry[key] = value
         try:
-            return self._changed(content)
+            return self.with_content(content)
         except InputError as mistake:
             raise _by_name(mistake, content.get("effects", ())) from None
 
@@ -212,10 +214,14 @@ class Camera:
         content = self.without_effect(name).to_dict()
         ranges = {key: both for key, value in parameters.items() if (both := ends(value)) is not None}
         middles = {key: (low + high) / 2 for key, (low, high) in ranges.items()}
+        known = catalogue()[name].parameters if name in catalogue() else {}
+        middles |= {
+            key: round(value) for key, value in middles.items() if key in known and known[key].integer
+        }
         content.setdefault("effects", []).append({"name": name, **parameters, **middles})
         for key, both in ranges.items():
             content.setdefault("randomize", {})[f"{name}.{key}"] = {"uniform": list(both)}
-        return self._changed(content)
+        return self.with_content(content)
 
     def without_effect(self, name: str) -> "Camera":
         """Returns the camera without one of its further effects and its entries in `randomize`."""
@@ -227,9 +233,10 @@ class Camera:
         content["correlated"] = [
             (a, b, c) for a, b, c in pairs if not (a.startswith(own) or b.startswith(own))
         ]
-        return self._changed(content)
+        return self.with_content(content)
 
-    def _changed(self, content: dict[str, Any]) -> "Camera":
+    def with_content(self, content: dict[str, Any]) -> "Camera":
+        """The camera of another content of its file; measured maps stay what and where they are."""
         spec = check_spec(content)
         names, old = ({e: name for e, (name, _) in named_maps(s).items()} for s in (spec, self.spec))
         same = names == old and spec.resolution == self.resolution
@@ -341,6 +348,10 @@ class Camera:
         memory: dict[str, Tensor] | None = None,
         resolution: tuple[int, int] | None = None,
     ) -> chain.Conditions:
+        for path in values or ():
+            if path not in self._values:
+                expected = f"one of {', '.join(self._values)}"
+                raise InputError("is not a parameter of this camera", field=path, expected=expected)
         every = {**self._values, **(values or {})}
         tensors = {path: torch.as_tensor(v, dtype=torch.float32, device=device) for path, v in every.items()}
         full = {path: tensor.reshape(-1, 1, 1, 1) for path, tensor in tensors.items()}
@@ -372,6 +383,14 @@ class Camera:
         return f"Camera({self.name!r}, {rows}x{columns}, {self.bit_depth} bit, {further})"
 
 
+def _one(value: Any) -> Any:
+    """The number in an array or a tensor of one, whether or not its gradient is wanted; anything else as it is."""
+    try:
+        return value.item()
+    except (AttributeError, ValueError, RuntimeError):
+        return value
+
+
 def _by_name(mistake: InputError, effects: Sequence[Mapping[str, Any]]) -> InputError:
     """The mistake with `effects.0.sigma_e`, the place in a file, as `row_noise.sigma_e`, the path that the caller gave."""
     first, _, rest = (mistake.field or "").partition(".")
@@ -383,11 +402,20 @@ def _by_name(mistake: InputError, effects: Sequence[Mapping[str, Any]]) -> Input
 
 
 def _with_all_used(spec: CameraSpec) -> CameraSpec:
-    """The same; says which given parameters have no effect beside the chosen options."""
-    for entry in spec.effects:
-        for key, option in unused(catalogue()[entry["name"]].parameters, entry).items():
-            message = "%s.%s = %s has no effect; expected %s"
-            logging.getLogger("visaug").warning(message, entry["name"], key, entry[key], option)
+    """The same; says which given parameters have no effect beside the chosen options, and which spreads have none."""
+    idle = [
+        (entry["name"], key, entry[key], option)
+        for entry in spec.effects
+        for key, option in unused(catalogue()[entry["name"]].parameters, entry).items()
+    ]
+    values = paths.numeric_values(spec)
+    for path, spread in spec.randomize.items():
+        around = spread if not isinstance(spread, dict) else spread.get("std", spread.get("half_normal"))
+        if around and (isinf(values[path]) or (values[path] == 0 and around is spread)):
+            expected = f"another law, such as {{uniform: [a, b]}}: the value is {values[path]:g}"
+            idle.append(("randomize", path, spread, expected))
+    for each in idle:
+        logging.getLogger("visaug").warning("%s.%s = %s has no effect; expected %s", *each)
     return spec
 
 

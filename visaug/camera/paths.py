@@ -4,12 +4,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from visaug.effects import Effect, Parameter, catalogue
+from visaug.effects.effect import CONDITIONS
 
 if TYPE_CHECKING:
     from visaug.camera.spec import CameraSpec
-
-EXPOSURE = Parameter(0.01, unit="s", low=0.0, high=1e5, name="exposure_s")
-TEMPERATURE = Parameter(20.0, unit="C", low=-150.0, high=150.0, name="temperature_c")
 
 TOP_LEVEL = {
     "quantum_efficiency": ("quantum_efficiency", "value"),
@@ -39,10 +37,8 @@ def path_of(effect: str, parameter: str) -> str:
 
 def place_of(path: str) -> ResolvedPath:
     """The effect and parameter behind a path; KeyError where there is none."""
-    if path == "exposure_s":
-        return ResolvedPath(None, EXPOSURE)
-    if path == "temperature_c":
-        return ResolvedPath(None, TEMPERATURE)
+    if path in ("exposure_s", "temperature_c"):
+        return ResolvedPath(None, CONDITIONS[path])
     effect, _, parameter = path.partition(".")
     effect, parameter = TOP_LEVEL.get(path, (effect, parameter))
     known = catalogue()[effect]

@@ -23,6 +23,7 @@ from visaug.effects import Stage, catalogue
 # relative scatter: of gains, dark currents, the light
 RESPONSE = {
     "prnu": "", "dark_current_nonuniformity": "spread", "light_drift": "sigma", "tap_mismatch": "gain", "row_parity": "gain",
+    "column_parity": "gain",
 }  # fmt: skip
 # of s, by the unit
 POWERS = {"e-/DN": -2, "e-/s": -2, "e-/px": -2, "photons": -2, "1/(1000 e-)": 2}
@@ -139,5 +140,8 @@ def with_maps_at_strength(camera: Camera, s: float) -> Camera:
         kind = catalogue()[effect_of(key)]
         unit = kind.map_unit.partition(" ")[0]
         power = -1 if unit == "e-" and kind.stage == Stage.READOUT else POWERS.get(unit, 0)
-        maps[key] = pattern * s ** MAP_POWERS.get(key, power)
+        if unit == "factor":  # of mean 1, whose scatter is the noise
+            maps[key] = 1 + s * (pattern - 1)
+        else:
+            maps[key] = pattern * s ** MAP_POWERS.get(key, power)
     return Camera(camera.spec, camera.folder, maps) if maps else camera

@@ -14,6 +14,7 @@ from visaug.camera.maps import named_maps, set_map
 from visaug.core.documents import parse_yaml
 from visaug.core.errors import InputError
 from visaug.core.files import whole_folder, write_bytes, write_text, write_yaml
+from visaug.frames.pixels import suffix_of
 
 # keys that are no figures
 ABOUT = ("name", "source", "assumed", "licence", "randomize", "correlated", "reading")
@@ -125,11 +126,12 @@ def _copy(camera: Camera, file: Path, target: Path) -> None:
         return
     content = parse_yaml(file.read_text(encoding="utf-8"), file)
     for effect, (name, key) in maps.items():
+        name, mark, inside = name.partition("#")  # file.npz#key[0]
         source = (camera.folder or Path()) / name
-        place = target.parent / f"{target.stem}_maps" / f"{effect}{source.suffix}"
+        place = target.parent / f"{target.stem}_maps" / f"{effect}{suffix_of(source)}"
         place.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(source, place)
-        set_map(content, key, place.relative_to(target.parent).as_posix())
+        set_map(content, key, place.relative_to(target.parent).as_posix() + mark + inside)
     write_yaml(target, content)
 
 

@@ -13,7 +13,7 @@ from torch import Tensor
 from visaug.camera import Camera
 from visaug.camera.history import DEEPEST, SMALL, Reach, is_of_whole_frame
 from visaug.core.errors import InputError
-from visaug.core.sampling import Stream, derive_key
+from visaug.core.sampling import Stream, as_seed, derive_key
 from visaug.frames import FrameRecord, FrameSet
 from visaug.frames.record import Window
 
@@ -54,7 +54,7 @@ def simulate(
         >>> visaug.simulate(camera, plan).read(0).shape
         (8, 8)
     """
-    camera = Camera.load(camera)
+    camera, seed = Camera.load(camera), as_seed(seed)
     plan = FrameSet.of(plan, camera.resolution)
     frames: list[np.ndarray] = []
     places = range(len(plan)) if keep is None else sorted(keep)
@@ -255,6 +255,10 @@ def _photons(plan: FrameSet, i: int, shape: tuple[int, int]) -> Tensor:
         clean = torch.from_numpy(np.ascontiguousarray(plan.clean(i), np.float32))
         if tuple(clean.shape) != shape:
             raise InputError(f"is {tuple(clean.shape)}", file=record.clean, expected=f"{shape}, as the frame")
+        if clean.isnan().any():
+            raise InputError(
+                "holds values that are no numbers", file=record.clean, expected="photons per pixel"
+            )
         return clean[None]
     problem = f"a frame of kind {record.kind!r} cannot be simulated"
     raise InputError(problem, file=record.file, field="kind", expected="bias, dark, flat or scene")

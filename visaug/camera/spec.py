@@ -1,6 +1,7 @@
 """Schema of camera.yaml; unknown keys and impossible values are refused with the key's path."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,14 +13,15 @@ from visaug.core.documents import read_yaml
 from visaug.core.errors import InputError
 from visaug.core.nearest import did_you_mean
 from visaug.effects import Parameter, catalogue
-from visaug.effects.parameter import bounds_text, check_value
+from visaug.effects.parameter import bounds_text, check_value, plain
 from visaug.effects.readout.read_noise import LEAST_SHAPE
 
 MOST_PIXELS = 65535  # of a sensor's rows, and of its columns
 
 
 class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, validate_assignment=False)
+    # frozen: a camera works its numbers out once
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
 
 
 Gain = Annotated[float, Field(gt=0, le=100)]
@@ -63,11 +65,11 @@ class DarkCurrentSpec(_Part):
                 "expected either a_e_per_s and b_per_c, "
                 "or all of reference_e_per_s, reference_temperature_c and doubling_c"
             )
-        self.b_per_c = math.log(2) / doubling
+        b_per_c = math.log(2) / doubling
         if self.law == "arrhenius":
-            self.b_per_c *= (1 + reference / ZERO_C_K) ** 2
-        self.a_e_per_s = rate * math.exp(-self.b_per_c * self.exponent(reference))
-        return self
+            b_per_c *= (1 + reference / ZERO_C_K) ** 2
+        a_e_per_s = rate * math.exp(-b_per_c * self.exponent(reference))
+        return DarkCurrentSpec(a_e_per_s=a_e_per_s, b_per_c=b_per_c, law=self.law)
 
     def exponent(self, temperature_c: Any) -> Any:
         """What b is multiplied with: T, or T_0 (T_K - T_0) / T_K with T_0 = 273.15 K, in degrees.
@@ -276,14 +278,14 @@ def _check_effect(entry: dict[str, Any], path: str, file: Path | None) -> None:
         if key not in known[name].parameters:
             expected = f"one of {', '.join(known[name].parameters)}"
             raise InputError(f"is not a parameter of {name}", file=file, field=field, expected=expected)
-        entry[key] = _number(value)
+        entry[key] = number(value)
         check_value(known[name].parameters[key], entry[key], field, file)
 
 
-def _number(value: Any) -> Any:
+def number(value: Any) -> Any:
     """The number; YAML 1.1 reads 1e-3 as text."""
     try:
-        return float(value) if isinstance(value, str) else value
+        return float(value) if isinstance(value, str) else plain(value)
     except ValueError:
         return value
 
@@ -300,7 +302,10 @@ def _check_randomize(spec: CameraSpec, file: Path | None) -> None:
             raise InputError(
                 "is not a numeric parameter of this camera", file=file, field=field, expected=expected
             )
-        _check_spread(spread, place_of(path).parameter, field, file)
+        parameter = place_of(path).parameter
+        if path == "black_level_dn":  # as the value itself, it leaves a range for the signal
+            parameter = replace(parameter, high=2.0**spec.bit_depth - 2)
+        _check_spread(spread, parameter, field, file)
     for i, (one, other, coefficient) in enumerate(spec.correlated):
         field = f"correlated.{i}"
         for path in (one, other):
@@ -308,6 +313,9 @@ def _check_randomize(spec: CameraSpec, file: Path | None) -> None:
                 raise InputError(
                     f"{path!r} is not a numeric parameter of this camera", file=file, field=field
                 )
+        if any({one, other} == {*pair[:2]} for pair in spec.correlated[:i]):
+            expected = "one correlation of two paths"
+            raise InputError(f"{one} and {other} are paired twice", file=file, field=field, expected=expected)
         if one == other or not -1 < coefficient < 1:
             expected = "two different paths and a correlation between -1 and 1"
             raise InputError("is not a correlation", file=file, field=field, expected=expected)

@@ -5,7 +5,7 @@ import hashlib
 import importlib
 import importlib.util
 import pkgutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache, lru_cache, partial
 from pathlib import Path
@@ -150,6 +150,15 @@ def loaded_files() -> list[Path]:
     """The files that the loaded effects come from, in the order in which they were loaded."""
     now = set(_loaded.values())
     return list(dict.fromkeys(path for (path, _), effects in _files.items() if now & set(effects)))
+
+
+def sources_of(names: Iterable[str]) -> dict[str, str]:
+    """Checksums of the files that give these effects, by name; those of the package have none."""
+    wanted, found = set(names), {}
+    for (_, digest), effects in _files.items():
+        own = [effect.name for effect in effects if _loaded.get(effect.name) is effect]
+        found |= dict.fromkeys(wanted.intersection(own), digest.hex())
+    return dict(sorted(found.items()))
 
 
 def _effects_in(module: ModuleType) -> dict[str, type[Effect]]:

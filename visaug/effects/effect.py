@@ -1,5 +1,6 @@
 """The base class of effects: a name, a place in the chain, parameters with units and bounds, and `apply`."""
 
+import math
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -9,8 +10,8 @@ import torch
 from torch import Tensor
 
 from visaug.core.errors import InputError
-from visaug.core.sampling import Stream, derive_key
-from visaug.effects.parameter import Parameter, check_value, unused
+from visaug.core.sampling import Stream, as_seed, derive_key
+from visaug.effects.parameter import Parameter, check_value, plain, unused
 
 
 class Values:
@@ -130,14 +131,14 @@ class FrameSummary:
 
 # Conditions of an effect that is called without a camera.
 CONDITIONS = {
-    "exposure_s": 0.01,
-    "temperature_c": 20.0,
-    "gain_e_per_dn": 1.0,
-    "black_level_dn": 0.0,
-    "full_well_e": float("inf"),
-    "quantum_efficiency": 1.0,
-    "dark_current_e": 0.0,
-    "bit_depth": 16,
+    "exposure_s": Parameter(0.01, unit="s", high=1e5),
+    "temperature_c": Parameter(20.0, unit="C", low=-150.0, high=150.0),
+    "gain_e_per_dn": Parameter(1.0, unit="e-/DN", low=1e-6, high=1e6),
+    "black_level_dn": Parameter(0.0, unit="DN", high=65535.0),
+    "full_well_e": Parameter(math.inf, unit="e-"),
+    "quantum_efficiency": Parameter(1.0, unit="e-/photon", low=1e-4, high=1.0),
+    "dark_current_e": Parameter(0.0, unit="e-"),
+    "bit_depth": Parameter(16, unit="bits", low=1, high=16, integer=True),
 }
 
 
@@ -146,15 +147,23 @@ def _as_value(value: float, like: Tensor) -> Tensor:
     return torch.as_tensor(value, dtype=torch.float32, device=like.device).reshape(1, 1, 1, 1)
 
 
+def _checked(parameter: Parameter, value: Any, path: str) -> Any:
+    """The value, if the parameter may have it; an infinite one is a full well that is left out."""
+    value = plain(value)
+    if not parameter.default == math.inf == value:
+        check_value(parameter, value, path)
+    return value
+
+
 def ends(value: Any) -> tuple[float, float] | None:
     """The ends of a value that is a range (low, high); None of any other.
 
     Raises:
         InputError: a pair whose first number is above its second.
     """
-    if not isinstance(value, tuple | list) or len(value) != 2:
+    if not isinstance(value, tuple | list) or len(value) != 2 or any(isinstance(one, str) for one in value):
         return None
-    low, high = value
+    low, high = map(plain, value)
     if isinstance(low, int | float) and isinstance(high, int | float) and low > high:
         raise InputError(f"({low:g}, {high:g}) is no range", expected="(low, high) with low <= high")
     return low, high
@@ -229,9 +238,10 @@ class Effect:
             if key not in self.parameters:
                 expected = f"one of {', '.join(self.parameters) or 'none'}"
                 raise InputError(f"is not a parameter of {self.name}", field=key, expected=expected)
-            for one in ends(value) or (value,):
-                if one != self.parameters[key].default:  # which may be infinite: a full well that is left out
-                    check_value(self.parameters[key], one, f"{self.name}.{key}")
+            parameter, path, both = self.parameters[key], f"{self.name}.{key}", ends(value)
+            for one in both or ():
+                check_value(parameter, one, path)
+            given[key] = both or _checked(parameter, value, path)
         for key, option in unused(self.parameters, given).items():
             raise InputError(f"has no effect in {self.name} as it is", field=key, expected=option)
         self.given = given
@@ -254,8 +264,8 @@ class Effect:
             A tensor of the same shape and dtype; float32 for a signal of whole numbers, which noise is not.
 
         Raises:
-            InputError: an unknown condition, or one that the effect's own parameters state; a signal of another shape, or
-                one that is no tensor.
+            InputError: an unknown condition, one out of range, or one that the effect's own parameters state; a seed that
+                is no whole number; a signal of another shape, or one that is no tensor.
 
         Examples:
             >>> import torch, visaug
@@ -275,11 +285,16 @@ class Effect:
             raise InputError(
                 f"signal has shape {tuple(signal.shape)}", expected="(B, C, H, W), (C, H, W) or (H, W)"
             )
+        seed, camera_seed = as_seed(seed), as_seed(camera_seed, "camera_seed")
         dtype = signal.dtype if signal.is_floating_point() else torch.float32
+        if signal.numel() == 0:
+            return signal.to(dtype)
         batch = signal.float().reshape((1,) * (4 - signal.ndim) + tuple(signal.shape))
         keys = [derive_key(seed, "image", k) for k in range(len(batch))]
         p = Values(**{key: _drawn(value, keys, key, signal) for key, value in self.values().items()})
-        known = {**CONDITIONS, **conditions}
+        known = {key: parameter.default for key, parameter in CONDITIONS.items()}
+        for key, value in conditions.items():
+            known[key] = _checked(CONDITIONS[key], value, key)
         rows, columns = batch.shape[2:]
         window = (range(rows), range(columns))
         bit_depth = int(known.pop("bit_depth"))

@@ -70,6 +70,12 @@ def used_with(parameters: Mapping[str, Parameter], parameter: Parameter) -> str:
     return f"{' or '.join(chosen)}: {' or '.join(parameter.of)}"
 
 
+def plain(value: Any) -> Any:
+    """Python's number for one of NumPy or torch; anything else, and a tensor whose gradient is wanted, as it is."""
+    is_number = getattr(value, "ndim", None) == 0 and not getattr(value, "requires_grad", False)
+    return value.item() if is_number else value
+
+
 def check_value(parameter: Parameter, value: Any, path: str, file: Path | None = None) -> None:
     """Checks that a value is a number within the parameter's bounds, or one of its options.
 

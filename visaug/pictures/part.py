@@ -48,7 +48,7 @@ def with_a_well(camera: Camera) -> Camera:
     content = camera.to_dict()
     content["full_well_e"] = spec.range_e
     content["assumed"] = [*spec.assumed, "full_well_e"]
-    return Camera.load(content)
+    return camera.with_content(content)
 
 
 def _white(camera: Camera) -> float:

@@ -39,8 +39,8 @@ class Hints:
 
 def transfer_of(hints: Hints, dtype: np.dtype, colours: int) -> tuple[str, str]:
     """("linear" or "srgb", the reason for messages)."""
-    linear_code = 8  # ITU-T H.273, table 3; the others are like sRGB
-    if hints.cicp in (linear_code, 1, 4, 5, 6, 13, 14, 15):
+    linear_code = 8  # ITU-T H.273, table 3; the others are taken as sRGB, those left out state nothing
+    if hints.cicp in (1, *range(4, 19)):
         return (LINEAR if hints.cicp == linear_code else SRGB), "cICP chunk"
     gamma = profile_gamma(hints.icc) if hints.icc else None
     if gamma is not None:

@@ -15,7 +15,7 @@ _JPEG: dict[str, Any] = {"format": "JPEG", "quality": 95, "subsampling": 0}
 _WEBP: dict[str, Any] = {"format": "WEBP", "lossless": True, "exact": True}
 WRITTEN = {".jpg": _JPEG, ".jpeg": _JPEG, ".webp": _WEBP, ".bmp": {"format": "BMP"}}
 FORMATS = ("JPEG", "WEBP", "BMP", "PNG", "TIFF", "MPO")
-_OF_JPEG = ("icc_profile", "exif", "dpi", "comment")
+_OF_JPEG = ("icc_profile", "exif", "xmp", "dpi", "comment")
 KEPT = {"JPEG": _OF_JPEG, "MPO": _OF_JPEG, "WEBP": ("icc_profile", "exif", "xmp"), "BMP": ("dpi",)}
 
 
@@ -33,8 +33,8 @@ def read_with_pillow(path: Path) -> Picture:
         palette = image.mode in ("P", "PA")
         if palette:
             image = image.convert("RGBA" if "transparency" in image.info or image.mode == "PA" else "RGB")
-        elif image.mode == "1":
-            image = image.convert("L")
+        elif image.mode in ("1", "YCbCr"):
+            image = image.convert("L" if image.mode == "1" else "RGB")
         elif image.mode not in ("L", "LA", "RGB", "RGBA"):
             raise InputError(f"has colour mode {image.mode}", file=path, expected="gray or RGB of 8 bit")
         pixels = three_axes(np.asarray(image))

@@ -39,6 +39,7 @@ def read_tiff(path: Path) -> Picture:
             "resolution": [tag.value for tag in resolution] if all(resolution) else None,
             "compression": "zlib" if page.compression != 1 else None,
             "palette": photometric == PHOTOMETRIC.PALETTE,
+            "ycbcr": photometric == PHOTOMETRIC.YCBCR,
             "white_is_zero": photometric == PHOTOMETRIC.MINISWHITE,
             "alpha": [int(kind) for kind in page.extrasamples],
             "tags": [
@@ -47,7 +48,7 @@ def read_tiff(path: Path) -> Picture:
                 if tag.code not in OF_THE_FILE
             ],
         }
-        pixels = _pixels(path, page, extras["palette"])
+        pixels = _pixels(path, page, extras)
         if page.is_shaped and page.shape != (pixels.shape if pixels.shape[2] > 1 else pixels.shape[:2]):
             # tifffile's own description: the shape that the old file had
             extras["tags"] = [tag for tag in extras["tags"] if tag[0] != TIFF.TAGS["ImageDescription"]]
@@ -56,7 +57,7 @@ def read_tiff(path: Path) -> Picture:
         raise InputError(f"holds {pixels.dtype}", file=path, expected="uint8, uint16 or floats")
     if pixels.shape[2] > 4:
         raise InputError(f"holds {pixels.shape[2]} channels", file=path, expected="gray or colour")
-    keep, key = _no_data(pixels, None if nodata is None else nodata.value)
+    keep, key = _no_data(pixels, None if nodata is None else nodata.value, extras["white_is_zero"])
     if extras["white_is_zero"]:
         pixels = _negative(pixels)
     hints = Hints(icc=None if icc is None else icc.value)
@@ -88,12 +89,18 @@ def write_tiff(path: Path, picture: Picture) -> None:
     )
 
 
-def _pixels(path: Path, page: Any, palette: bool) -> np.ndarray:
-    """(H, W, C); a palette's colours in 8 bit."""
+def _pixels(path: Path, page: Any, extras: dict[str, Any]) -> np.ndarray:
+    """(H, W, C) as they are stored; a palette's colours in 8 bit, YCbCr as RGB."""
+    palette = extras["palette"]
     try:
-        pixels = page.asarray()
+        # tifffile gives the components of YCbCr as they are, and has no alpha for a palette
+        known = not extras["ycbcr"] and not (palette and page.samplesperpixel > 1)
+        pixels = page.asarray() if known else None
     except ValueError:  # a codec that tifffile lacks, LZW most often
-        return three_axes(_by_other_decoders(path, page.dtype, page.samplesperpixel))
+        pixels = None
+    if pixels is None:
+        pixels = three_axes(_by_other_decoders(path, page.dtype, page.samplesperpixel))
+        return _negative(pixels) if extras["white_is_zero"] else pixels  # these decoders turn it over
     if pixels.dtype == bool:
         return three_axes(pixels.astype(np.uint8) * 255)
     if palette:
@@ -108,14 +115,15 @@ def _pixels(path: Path, page: Any, palette: bool) -> np.ndarray:
 
 def _by_other_decoders(path: Path, dtype: np.dtype | None, channels: int) -> np.ndarray:
     """A compressed TIFF; Pillow would cut colour of 16 bit to 8."""
-    if dtype == np.uint8:
+    if dtype in (np.uint8, bool):
         return read_with_pillow(path).pixels
     if dtype == np.uint16 and channels in (1, 3):
         with extra(path):
             import kornia_rs.io
 
         return np.asarray(kornia_rs.io.read_image_tiff_u16(str(path), KORNIA_MODES[channels]))
-    raise InputError("has a compression that cannot be read", file=path, expected="none, or deflate")
+    expected = "none, deflate without a predictor for floats, or `pip install imagecodecs`"
+    raise InputError("has a compression that cannot be read", file=path, expected=expected)
 
 
 def _counted(value: Any, count: int) -> tuple[int, Any]:
@@ -133,11 +141,25 @@ def _negative(pixels: np.ndarray) -> np.ndarray:
     return turned
 
 
-def _no_data(pixels: np.ndarray, nodata: str | None) -> tuple[np.ndarray | None, tuple[float, ...] | None]:
-    """Where all channels hold the value by which GDAL marks missing data."""
+def _no_data(
+    pixels: np.ndarray, nodata: str | None, turned: bool
+) -> tuple[np.ndarray | None, tuple[float, ...] | None]:
+    """Where all channels of the stored pixels hold the value by which GDAL marks missing data, and the value that it becomes.
+
+    Args:
+        pixels: as they are stored.
+        nodata: the tag's text.
+        turned: white is zero.
+    """
     try:
         value = float(str(nodata).strip("\0 "))
     except ValueError:
         return None, None
-    missing: Any = np.isnan(pixels) if np.isnan(value) else pixels == value
-    return missing.all(-1), None if np.isnan(value) else (value,) * pixels.shape[2]
+    if np.isnan(value) and pixels.dtype.kind == "f":
+        missing: Any = np.isnan(pixels)
+        return missing.all(-1), None
+    if pixels.dtype.kind != "f" and not (value.is_integer() and 0 <= value <= np.iinfo(pixels.dtype).max):
+        return None, None  # no pixel can hold it
+    stored = np.full((1, 1, pixels.shape[2]), value, pixels.dtype)
+    key = _negative(stored) if turned else stored
+    return (pixels == stored).all(-1), tuple(key[0, 0].tolist())

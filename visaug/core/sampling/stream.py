@@ -2,6 +2,7 @@
 
 import contextlib
 import hashlib
+import operator
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -9,12 +10,25 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from visaug.core.errors import InputError
 from visaug.core.sampling import distributions, tukey_lambda
 from visaug.core.sampling.philox import mix, sensor_bits
 
 kernels: Any = None  # without numba: same law and, but for rounding, same numbers from torch, slower
 with contextlib.suppress(ImportError):
     from visaug.core.sampling import kernels
+
+
+def as_seed(seed: Any, name: str = "seed") -> int:
+    """A seed as Python's whole number, whatever its type: `derive_key` takes NumPy's 3 for another word than 3.
+
+    Raises:
+        InputError: it is no whole number.
+    """
+    try:
+        return operator.index(seed)
+    except TypeError:
+        raise InputError(f"{seed!r} is not valid", field=name, expected="a whole number") from None
 
 
 def derive_key(*words: object) -> int:

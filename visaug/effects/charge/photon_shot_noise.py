@@ -1,5 +1,7 @@
 """Shot noise."""
 
+import torch
+
 from visaug.effects.effect import Effect, Stage
 
 
@@ -20,7 +22,7 @@ class PhotonShotNoise(Effect):
     source = "EMVA 1288 release 4 Linear, eq. 5; the paper, eqs. 2 and 8"
 
     def apply(self, signal, p, stream, context):
-        return stream.poisson(signal)
+        return torch.where(signal.isnan(), signal, stream.poisson(signal))  # no number has no count
 
     def moments(self, mean, p, context):
         return mean, mean
