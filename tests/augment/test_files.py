@@ -818,3 +818,29 @@ def test_openexr_without_its_package_is_one_clear_line(camera, tmp_path, monkeyp
     monkeypatch.setitem(sys.modules, "OpenEXR", None)
     with pytest.raises(InputError, match=r"pip install 'visaug\[exr\]'"):
         augment_files([tmp_path / "a.exr"], tmp_path / "out", camera)
+
+
+def test_the_seed_chooses_the_specimen_that_all_copies_share(tmp_path):
+    content = {"resolution": [24, 40], "bit_depth": 16, "gain_e_per_dn": 1.0, "quantum_efficiency": 1.0}
+    camera = Camera.load({**content, "exposure_s": 0.0, "dsnu": {"pixel_e": 141.0}})
+    flat = np.full((24, 40), 20_000, np.uint16)
+    for name in ("a.png", "b.png"):
+        cv2.imwrite(str(tmp_path / name), flat)
+    made = {}
+    for seed in (0, 1):
+        augment_files(
+            [tmp_path],
+            tmp_path / f"noisy{seed}",
+            camera,
+            seed=seed,
+            exclude=["noisy*"],
+            fixed_pattern="camera",
+        )
+        for name in ("a.png", "b.png"):
+            copy = cv2.imread(str(tmp_path / f"noisy{seed}" / name), cv2.IMREAD_UNCHANGED)
+            made[seed, name] = copy.astype(float).ravel()
+    # shot noise of 141 e- and a pattern as strong: of one specimen half of the variance is shared
+    same = np.corrcoef(made[1, "a.png"], made[1, "b.png"])[0, 1]
+    other = np.corrcoef(made[0, "a.png"], made[1, "a.png"])[0, 1]
+    assert same == pytest.approx(1 / 2, abs=0.13)  # four standard errors of 960 pixels
+    assert abs(other) < 0.13

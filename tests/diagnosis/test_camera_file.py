@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import yaml
 
@@ -89,3 +90,18 @@ def test_a_little_more_dark_current_than_in_the_file_is_no_mistake(right, factor
     frames = FrameSet.from_arrays(records, list(take(SENSOR, plan, {}, 7, [])), bit_depth=SENSOR.bits)
     camera = Camera.load(right).replace({"dark_current.a_e_per_s": DARK_E / factor})
     assert suspects(camera, frames) == []
+
+
+def test_a_correction_keeps_measured_maps(frames, right, tmp_path, monkeypatch):
+    rows, columns = right["resolution"]
+    (tmp_path / "camera").mkdir()
+    np.save(tmp_path / "camera" / "dsnu.npy", np.zeros((rows, columns), np.float32))
+    (tmp_path / "camera" / "camera.yaml").write_text(
+        yaml.safe_dump({**right, "gain_e_per_dn": 1 / GAIN, "dsnu": {**right["dsnu"], "map": "dsnu.npy"}})
+    )
+    monkeypatch.chdir(tmp_path)
+    camera = Camera.load("camera/camera.yaml")
+    better, found = corrected(camera, frames, Laboratory(frames, camera, seed=np.int64(0)))
+    assert [m.mistake for m in found] == ["inverse"]
+    assert better.values()["gain_e_per_dn"] == pytest.approx(GAIN, rel=0.05)
+    assert better.maps.keys() == camera.maps.keys() != set()

@@ -95,7 +95,7 @@ def augment_files(
         output: folder for the copies; may hold copies of an earlier call, which are kept if camera, seed, options,
             visaug itself and original are the same.
         camera: the camera whose noise is added; of several, each copy gets one, all equally likely.
-        seed: the same seed gives the same bytes.
+        seed: the same seed gives the same bytes; it chooses the specimen of a fixed pattern that all copies share.
         p: probability that a copy gets noise; the others are the original's bytes.
         copies: of each picture; with more than one, `a.png` becomes `a_1.png`, `a_2.png`, ...
         bits: depth of the data in 16-bit words where it is less: 10, 12 or 14.
@@ -132,7 +132,7 @@ def augment_files(
     carried, left = (others, {}) if labels and copies == 1 else ({}, others)
     yolo = {_label_name(output, name): label for name, label in yolo.items()}
     check_kept(output, {**jobs.sources, **carried, **yolo})
-    noise = SensorNoise(camera, **options)
+    noise = SensorNoise(camera, seed=seed, **options)
     work = _Work(output, noise, seed, p, bits, force, settings_of(noise, seed, p, bits, options))
     with Journal(output, force) as journal:
         work.journal = journal

@@ -95,7 +95,7 @@ def _fixed(camera: Camera, mistakes: Sequence[Mistake]) -> Camera | None:
             part = part.setdefault(name, {})
         part[last] = int(value) if last == "bit_depth" else value
     try:
-        return Camera.load(content)
+        return camera.with_content(content)
     except InputError:
         return None
 

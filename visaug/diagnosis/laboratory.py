@@ -9,6 +9,7 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.characterization.alarms import all_warnings, found_by_checks
+from visaug.core.sampling import as_seed
 from visaug.diagnosis import store
 from visaug.diagnosis.names import Names
 from visaug.diagnosis.part import MeasuredFrames, parts_of
@@ -54,7 +55,7 @@ class Laboratory:
         transfer: Literal["linear", "srgb"] = "linear",
         scenes: FrameSet | None = None,
     ):
-        self.seed = seed
+        self.seed = as_seed(seed)
         self.spread = spread or on_this_machine()
         self.sequences: tuple[int, ...]
         self.units: dict[str, float] = {}
