@@ -121,6 +121,17 @@ def test_fixed_patterns_and_effects_follow_the_strength(part, fast):
     assert ratio.item() == pytest.approx(2, rel=0.05)
 
 
+def test_the_seam_of_two_gains_stays_at_its_brightness():
+    seam = 0.5 * RANGE_DN * 40.0
+    two = {"name": "dual_gain", "noise_e": 0.0, "gain": 0.2, "seam_e": seam}
+    cam = camera(read_noise={"sigma_e": 0.5}, gain_e_per_dn=40.0, effects=[two])
+    flats = torch.tensor([0.4, 0.6]).view(2, 1, 1, 1).expand(2, 1, 64, 64)
+    for strength in (1.0, 2.0):
+        low, high = SensorNoise(cam, strength=strength, seed=1)(flats).mean((1, 2, 3)).tolist()
+        assert low == pytest.approx(0.4, rel=0.005)
+        assert high == pytest.approx(0.62, rel=0.005)
+
+
 def test_no_strength_is_identity():
     images = torch.rand(2, 3, 8, 8)
     assert torch.equal(VISNoise(camera(), strength=0)(images), images)

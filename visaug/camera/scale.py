@@ -109,12 +109,14 @@ def scale_of(
 def power_of(path: str) -> int:
     """The exponent n with which a parameter takes part: its value is multiplied by s^n.
 
-    Charge before the readout (dark current, clock-induced charge, full well) keeps its share of the range, hence -2; offsets
-    and noise in the readout, in electrons, -1; relative scatter of the response 1; noise in DN 1. All else is 0: blur, shares,
-    densities, times and temperatures do not change.
+    Charge before the readout (dark current, clock-induced charge, full well), and the seam of two gains, keep their share of the
+    range, hence -2; offsets and noise in the readout, in electrons, -1; relative scatter of the response 1; noise in DN 1. All
+    else is 0: blur, shares, densities, times and temperatures do not change.
     """
     if path == "read_noise.after_gain_dn":
         return 1
+    if path == "dual_gain.seam_e":  # a level of the signal
+        return -2
     place = place_of(path)
     if place.effect is None:
         return 0
