@@ -57,3 +57,33 @@ def test_defects_and_maps_of_others_stay(tmp_path, frames, capsys):
         main([*words, "--force"])
         assert place.read_bytes() != before
     main(["inspect", str(frames), "--defects", str(mine)])
+
+
+def test_pictures_of_others_beside_a_report_stay(tmp_path, frames, capsys):
+    """A comparison writes pictures into a folder beside its page, and makes its own anew."""
+    camera, report = tmp_path / "camera.yaml", tmp_path / "r.html"
+    camera.write_text("{resolution: [24, 32], bit_depth: 8, gain_e_per_dn: 1, read_noise: {sigma_e: 4}}")
+    mine = tmp_path / "r_pictures" / "level.svg"
+    mine.parent.mkdir()
+    mine.write_text("<svg>mine</svg>")
+    words = ["compare", str(frames), "--camera", str(camera), "--report", str(report), "-q"]
+    with pytest.raises(SystemExit) as left:
+        main(words)
+    assert left.value.code == 2
+    assert f"{mine}: exists, and visaug did not write it" in capsys.readouterr().err
+    assert mine.read_text() == "<svg>mine</svg>"
+    assert not report.exists()
+    main([*words, "--force"])
+    main(words)
+    assert mine.read_text() != "<svg>mine</svg>"
+
+
+def test_the_demonstration_replaces_no_report_of_others(tmp_path, capsys):
+    (tmp_path / "report.html").write_text("mine")
+    with pytest.raises(SystemExit) as left:
+        main(["demo", "-o", str(tmp_path)])
+    assert left.value.code == 2
+    assert "report.html: exists, and visaug did not write it; expected another folder" in (
+        capsys.readouterr().err
+    )
+    assert [file.name for file in tmp_path.iterdir()] == ["report.html"]

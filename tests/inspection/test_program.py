@@ -121,3 +121,13 @@ def test_the_colours_of_a_stated_mosaic_are_no_pattern_of_the_sensor():
     (parity,) = (f for f in found.findings if f.what == "parity")
     assert parity.amplitude_dn == pytest.approx(3, rel=0.1)
     assert any("RGGB" in note for note in found.notes)
+
+
+def test_one_frame_is_said_as_one_and_a_table_as_a_table(folder, tmp_path, capsys):
+    main(["inspect", str(folder / "dark_00.png")])
+    said = capsys.readouterr().out
+    assert "\n1 frame, kinds by the file names; " in said
+    assert "\n1 dark frame: level " in said
+    main(["frames", str(folder), "-o", str(folder / "frames.csv"), "--exposure", "1"])
+    assert visaug.inspect(folder).kinds_from == "the table or headers"
+    assert visaug.inspect(folder / "frames.csv").kinds_from == "the table or headers"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -60,15 +61,7 @@ class FrameSet:
         Raises:
             InputError: neither a frame set nor a path, or a path that holds no frames.
         """
-        if isinstance(source, FrameSet):
-            return source
-        if not isinstance(source, str | Path):
-            problem, expected = (
-                f"{type(source).__name__} is not a frame set",
-                "a FrameSet, or the path of one",
-            )
-            raise InputError(problem, field="frames", expected=expected)
-        return cls.load(source, resolution)
+        return source if isinstance(source, FrameSet) else cls.load(source, resolution)
 
     @classmethod
     def load(
@@ -93,6 +86,10 @@ class FrameSet:
         Raises:
             InputError: there are no frames at `path`, or their description is not valid.
         """
+        if not isinstance(path, str | Path):
+            problem = f"{type(path).__name__} is not a frame set"
+            expected = "a FrameSet, or the path of one"
+            raise InputError(problem, field="frames", expected=expected)
         path = Path(path)
         kind, root, files = sources.find(path)
         warnings: list[str] = []
@@ -283,7 +280,11 @@ def _common_depth(records: Sequence[FrameRecord]) -> int | None:
 def _pair(resolution: Sequence[int] | None) -> tuple[int, int] | None:
     if resolution is None:
         return None
-    pair = tuple(int(n) for n in resolution)
-    if len(pair) != 2 or min(pair) < 1:
-        raise InputError(f"{list(resolution)} is not a size", field="resolution", expected="rows and columns")
-    return pair[0], pair[1]
+    try:
+        rows, columns = (operator.index(n) for n in resolution)
+    except (TypeError, ValueError):
+        rows = columns = 0
+    if min(rows, columns) < 1:
+        expected = "rows and columns, as (1024, 1280)"
+        raise InputError(f"{resolution!r} is not a size", field="resolution", expected=expected)
+    return rows, columns

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
+from numbers import Integral
 from pathlib import Path
 from typing import Protocol
 
@@ -37,6 +38,12 @@ class Store(Protocol):
     def path(self, i: int) -> Path | None: ...
 
 
+def _check_bits(bit_depth: int | None) -> None:
+    if bit_depth is not None and not (isinstance(bit_depth, Integral) and 1 <= bit_depth <= 32):
+        problem, expected = f"{bit_depth!r} is out of range", "a whole number of bits, 1 to 32"
+        raise InputError(problem, field="bit_depth", expected=expected)
+
+
 class MemoryStore:
     """Frames in memory."""
 
@@ -47,6 +54,7 @@ class MemoryStore:
         cleans: dict[str, np.ndarray],
         bit_depth: int | None,
     ) -> None:
+        _check_bits(bit_depth)
         self._records, self._frames = list(records), frames
         self._cleans = {name: np.asarray(c, np.float32) for name, c in cleans.items()}
         self._bit_depth = self.told_bits = bit_depth
@@ -108,8 +116,7 @@ class FileStore:
         for field, value, choices in (orders, places):
             if value is not None and value not in choices:
                 raise InputError(f"{value!r} is unknown", field=field, expected=" or ".join(choices))
-        if bit_depth is not None and not 1 <= bit_depth <= 32:
-            raise InputError(f"{bit_depth} is out of range", field="bit_depth", expected="1 to 32 bits")
+        _check_bits(bit_depth)
         self._records, self._root, self._resolution = list(records), root, resolution
         self._bit_depth, self._bits_at, self.warnings = bit_depth, bits_at, warnings
         self.told_bits = bit_depth

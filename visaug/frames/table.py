@@ -23,6 +23,12 @@ COLUMNS = ("sequence", "file", "kind", "exposure_s", "temperature_c", "gain_db",
 FURTHER = ("region", "setting", "filter", "combined", "bayer", "bit_depth", "time_s")
 SETTINGS = ("gain", "offset", "iso", "readoutm", "readout_mode")  # columns that together are the setting
 _REQUIRED = ("file", "kind")
+_UNITS = {
+    "exposure_s": "seconds, such as 0.01",
+    "temperature_c": "degrees Celsius, such as 20",
+    "gain_db": "decibels, such as 6",
+    "photons": "photons per pixel, such as 5000",
+}
 
 
 def read_table(path: str | Path, warnings: list[str] | None = None) -> list[FrameRecord]:
@@ -220,7 +226,8 @@ class _Row:
         try:
             return float(text.replace(",", ".") if self.decimal == "," else text)
         except ValueError:
-            raise self.wrong(column, f"{text!r} is not a number", "a number") from None
+            expected = _UNITS.get(column, "a number")
+            raise self.wrong(column, f"{text!r} is not a number", expected) from None
 
     def whole(self, column: str, default: int, what: str) -> int:
         value = self.number(column)

@@ -102,6 +102,8 @@ def write_new(name: str, output: Path | None) -> Path:
     if name in catalogue():
         raise InputError(f"{name!r} is an effect of the catalogue", field="NAME", expected="another name")
     output = output or Path(f"{name}.py")
+    if output.suffix != ".py":
+        raise InputError("is no name of a Python file", file=output, expected="a name that ends in .py")
     if output.exists():
         raise InputError("already exists", file=output, expected="a new file; choose one with -o")
     class_name = "".join(part.capitalize() for part in name.split("_"))

@@ -28,6 +28,7 @@ keypoints_option = click.option(
 @cli.flag("--full", "The longer study: three arms trained from nothing, four test sets.")
 def demo(output: Path, full: bool, seed: int) -> None:
     """Diagnose a camera, train with its noise, evaluate and report, on rendered data. If interrupted, the same command resumes."""
+    cli.may_replace(output / "report.html", force=False, expected="another folder")
     with extra(), progress_bars() as progress:
         from visaug_train.demo import run_demo
 

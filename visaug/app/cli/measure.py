@@ -169,7 +169,7 @@ def compare(
     target: Path | None,
     transfer: Literal["linear", "srgb"],
     bit_depth: int | None,
-    force: bool,  # read by the options
+    force: bool,
     json_path: Path | None,
     report_path: Path | None,
     quiet: bool,
@@ -185,6 +185,11 @@ def compare(
 
     if target is None and camera_name is None:
         raise InputError("is missing", field="--camera", expected="a camera, or --target PICTURES")
+    if target is None and report_path:
+        from visaug.report.pages import possible_pictures
+
+        for file in possible_pictures(report_path):
+            cli.may_replace(file, force)
     camera = cli.load_camera(camera_name) if camera_name else None
     silent = cli.is_silent(quiet, json_path)
     pictures: dict[str, Path] = {}

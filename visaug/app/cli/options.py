@@ -31,20 +31,23 @@ class _Command(click.Command):
         for word in args:
             if taking and word.endswith(".py") and spread[-1] != "--effects":
                 spread.append("--effects")
-            taking = word == "--effects" or (taking and word.endswith(".py"))
+            taking = word.startswith("--effects=") or word == "--effects" or (taking and word.endswith(".py"))
             spread.append(word)
         rest = super().parse_args(ctx, spread)
-        _check_distinct(ctx)
+        _check_places(ctx)
         return rest
 
 
-def _check_distinct(context: click.Context) -> None:
-    """Refuse two options that write one file, of which only the last would stay."""
-    writes = ("output", "json_path", "report_path", "defects_path", "sheets")
+def _check_places(context: click.Context) -> None:
+    """Refuse two options that write one file, of which only the last would stay, and a file that is called `-`."""
+    writes = ("output", "json_path", "report_path", "defects_path", "maps_path", "poses_csv", "sheets")
     seen: dict[Path, str] = {}
     for option in context.command.params:
         given = context.params.get(option.name or "") if option.name in writes else None
         for path in given if isinstance(given, tuple) else (given,):
+            if path == STANDARD_OUTPUT and option.name != "json_path":
+                expected = "a name; --json alone writes to standard output"
+                raise InputError("'-' is not a name", field=option.opts[0], expected=expected)
             if path is None or path == STANDARD_OUTPUT or (path.exists() and not path.is_file()):
                 continue
             other = seen.setdefault(path.resolve(), option.opts[0])
@@ -66,7 +69,8 @@ def choice_option(name: str, choices: Sequence[str], text: str) -> Decorator:
 def command(name: str, *, example: str) -> Callable[[Callable], click.Command]:
     """A command with `--seed` and an example under its help."""
     epilog = "\b\nExample:\n  " + example.replace("\n", "\n  ")
-    seeded = option_with_default("--seed", click.IntRange(min=0), 0, "Seed of all random numbers.")
+    seeds = click.IntRange(0, 2**63 - 1)  # what torch takes
+    seeded = option_with_default("--seed", seeds, 0, "Seed of all random numbers.")
     return lambda function: click.command(name, cls=_Command, epilog=epilog)(seeded(function))
 
 
@@ -166,11 +170,13 @@ def may_write(path: Path | None, force: bool) -> None:
     if path is None:
         return
     check_place(path)
-    if path.exists() and not force:
+    if path.is_file() and not force:
         raise InputError("already exists", file=path, expected="another name, or --force to overwrite it")
 
 
-def may_replace(path: Path | None, force: bool) -> None:
+def may_replace(
+    path: Path | None, force: bool, expected: str = "another name, or --force to replace it"
+) -> None:
     """Refuse, before any work, a place where no file can be, and to replace a file that is no result of visaug.
 
     Its own results are made anew.
@@ -179,7 +185,6 @@ def may_replace(path: Path | None, force: bool) -> None:
         return
     check_place(path)
     if path.is_file() and not force and not is_result(path):
-        expected = "another name, or --force to replace it"
         raise InputError("exists, and visaug did not write it", file=path, expected=expected)
 
 
