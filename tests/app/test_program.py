@@ -130,6 +130,7 @@ MISTAKES = [
     (["effects", "new", "my_effect", "-o", "mine.txt"], "mine.txt: is no name of a Python file"),
     (["effects", "row_noise", "-o", "mine.py"], "--output: goes with `new`"),
     (["demo", "-o", "camera.yaml"], "camera.yaml: is a file"),
+    (["diagnose", ".", "--camera", "camera.yaml", "--without", "row_nois"], "--without: 'row_nois' is not"),
 ]
 
 

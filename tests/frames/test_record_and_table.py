@@ -33,6 +33,12 @@ def test_region_without_quotation_marks_is_understood(tmp_path):
     assert read_table(path)[0].window == (3, 9, 0, 4)
 
 
+@pytest.mark.parametrize("name", ["a.npz#frames[3,0]", "a.npz#d[:,:,3]", "a.npz#frames[3]", "b [1].npy"])
+def test_an_index_without_quotation_marks_is_understood(tmp_path, name):
+    path = table(tmp_path, f"0,{name},dark,1,20,0,,")
+    assert read_table(path) == [FrameRecord(0, name, "dark", 1.0, 20.0)]
+
+
 def test_writing_then_reading_gives_the_same_records(tmp_path):
     records = [
         FrameRecord(0, "a,b.npy", "bias", 1e-5, -12.25, 3.0),

@@ -206,7 +206,10 @@ class FrameSet:
     def clean(self, i: int) -> np.ndarray:
         """Noiseless target of scene `i`, (H, W) float32 in photons per pixel, read-only."""
         if self.records[i].clean is None:
-            raise InputError("has no noiseless target", file=self.records[i].file, field="clean")
+            expected = "the file of the scene in photons per pixel, .npy or float TIFF"
+            raise InputError(
+                "has no noiseless target", file=self.records[i].file, field="clean", expected=expected
+            )
         return self._store.clean(self._positions[i])
 
     def shape(self, i: int) -> tuple[int, int]:

@@ -152,6 +152,7 @@ def _check_header(header: list[str], path: Path) -> list[str]:
 
 
 def _cells(header: list[str], row: list[str], path: Path, number: int) -> dict[str, str]:
+    row = _whole_indices(row) if len(row) > len(header) else row
     if len(row) == len(header) + 1 and "region" in header:  # r0:r1,c0:c1 written without quotation marks
         at = header.index("region")
         row = [*row[:at], f"{row[at]},{row[at + 1]}", *row[at + 2 :]]
@@ -163,6 +164,17 @@ def _cells(header: list[str], row: list[str], path: Path, number: int) -> dict[s
         if name not in cells:
             raise InputError("is missing", file=path, field=f"row {number}, {name}", expected=wanted)
     return cells
+
+
+def _whole_indices(row: list[str]) -> list[str]:
+    """The cells, one of ``a.npz#frames[3,0]`` written without quotation marks put together."""
+    made: list[str] = []
+    for cell in row:
+        if made and "#" in made[-1] and made[-1].count("[") > made[-1].count("]"):
+            made[-1] += f",{cell}"
+        else:
+            made.append(cell)
+    return made
 
 
 @dataclass

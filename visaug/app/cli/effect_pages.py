@@ -126,12 +126,12 @@ def check_file(file: Path) -> None:
         raise InputError(problem, file=file, expected="effects that keep them all")
 
 
-def find(name: str) -> type[Effect]:
+def find(name: str, field: str = "NAME") -> type[Effect]:
     effects = catalogue()
     if name in effects:
         return effects[name]
     problem = f"{name!r} is not an effect of the catalogue" + did_you_mean(name, effects)
-    raise InputError(problem, field="NAME", expected="a name that `visaug effects` lists")
+    raise InputError(problem, field=field, expected="a name that `visaug effects` lists")
 
 
 def _range(parameter: Parameter) -> str:

@@ -122,7 +122,7 @@ def characterize(
         except InputError as mistake:  # what was measured is written all the same
             no_camera, output = mistake, None
     if maps_path and not result.save_maps(maps_path):
-        click.echo("no map is written: it takes two or more frames of one setting", err=True)
+        click.echo("no map is written: the frames determine none; two or more bias frames do", err=True)
         maps_path = None
     if report_path:
         from visaug.report import write_characterization
@@ -315,9 +315,11 @@ def diagnose(
             raise InputError("there is no camera", field="--unexplained", expected="-o beside it")
         cli.may_write(file_beside(output), force)
     for name in without:
-        find(name)
+        find(name, "--without")
     camera = cli.load_camera(camera_name)
     frames = cli.load_frames(frames_path, camera.resolution, bit_depth, quiet)
+    if scenes and not frames.is_pictures:
+        raise InputError("FRAMES are no ordinary pictures", field="--scenes", expected="no --scenes")
     with progress_bars(single=True, quiet=quiet) as progress, _warning_of_renders(json_path):
         how = {"seed": seed, "progress": progress, "cluster": cluster, "transfer": transfer, "scenes": scenes}
         result = visaug.diagnose(camera, frames, effects=list(effects), without=list(without), **how)
