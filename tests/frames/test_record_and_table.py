@@ -210,3 +210,22 @@ def test_groups_part_on_every_condition_and_keep_the_order():
     ]
     groups = group_records((base, *others))
     assert [g.indices for g in groups] == [(0, 1, 13), *((i,) for i in range(2, 13))]
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "named"),
+    [
+        ("sequence", "0", "sequence: '0' is not valid"),
+        ("file", None, "file: None is not valid"),
+        ("exposure_s", "10ms", "exposure_s: '10ms' is not a number; expected seconds"),
+        ("exposure_s", None, "exposure_s: None is not a number"),
+        ("temperature_c", "20", "temperature_c: '20' is not a number"),
+        ("window", "0:4,0:4", "region: '0:4,0:4' is not a window"),
+        ("window", (0, 4), "region: (0, 4) is not a window"),
+        ("window", (4, 0, 0, 4), "region: 4:0,0:4 is not a window"),
+    ],
+)
+def test_a_record_refuses_values_of_another_kind(field, value, named):
+    with pytest.raises(InputError) as told:
+        FrameRecord(**({"sequence": 0, "file": "a.npy", "kind": "dark"} | {field: value}))
+    assert str(told.value).startswith(named)

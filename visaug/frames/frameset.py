@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
 from pathlib import Path
 
 import numpy as np
@@ -142,6 +142,13 @@ class FrameSet:
         Raises:
             InputError: the numbers of records and frames differ, or a value is not valid.
         """
+        for thing, given in (("records", records), ("frames", frames)):
+            if not isinstance(given, Sized):
+                raise InputError(f"{given!r} is no sequence", field=thing, expected="one for each frame")
+        wrong = next((record for record in records if not isinstance(record, FrameRecord)), None)
+        if wrong is not None:
+            problem = f"a {type(wrong).__name__} is no record"
+            raise InputError(problem, field="records", expected="a visaug.frames.FrameRecord for each frame")
         if len(records) != len(frames):
             problem = f"{len(records)} records but {len(frames)} frames"
             raise InputError(problem, field="frames", expected="equal numbers of records and frames")

@@ -14,6 +14,7 @@ import numpy as np
 from visaug.core.errors import InputError
 from visaug.frames.checks import check_frame, check_values
 from visaug.frames.kept import KeptFrames
+from visaug.frames.limits import check_numbers
 from visaug.frames.pixels import PixelReader, suffix_of
 from visaug.frames.raw import BYTE_ORDERS, LAYOUTS, guess_layout, unused_low_bits
 from visaug.frames.record import FrameRecord
@@ -77,6 +78,7 @@ class MemoryStore:
         if frame.ndim != 2:
             raise InputError(f"has shape {frame.shape}", file=name, expected="rows x columns")
         if i not in self._checked:  # statistics read the frames of a set several times
+            check_numbers(frame.dtype, name)
             check_values(frame, self.bit_depth, name)
             check_frame(self._records[i], frame)
             self._checked.add(i)

@@ -120,7 +120,8 @@ def _rows(path: Path) -> tuple[list[tuple[int, list[str]]], str]:
         delimiter = max((",", ";", "\t"), key=first.count)
         rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=delimiter))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"cannot be read ({error})", file=path, expected="a CSV file") from None
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be read ({reason})", file=path, expected="a CSV file") from None
     held = [(n, row) for n, row in enumerate(rows, start=1) if any(cell.strip() for cell in row)]
     if not held:
         raise InputError("is empty", file=path, expected="the columns " + ",".join(COLUMNS))
