@@ -248,4 +248,7 @@ def print_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     for row in rows:
         table.add_row(*(Text(printable(cell)) for cell in row))  # no markup in a cell
     terminal = Console()
-    (terminal if terminal.is_terminal else Console(width=240)).print(table)
+    console = terminal if terminal.is_terminal else Console(width=240)
+    with console.capture() as written:  # rich itself ends the program with status 1 where the reader has left
+        console.print(table)
+    click.echo(written.get(), nl=False)
