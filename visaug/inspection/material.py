@@ -36,7 +36,7 @@ def load_pixels(path: str | Path, bit_depth: int | None = None) -> FrameSet:
             frames.shape(0)
         return frames
     except InputError as refused:
-        stacked = refused.problem.startswith("has shape")
+        stacked = refused.problem.startswith(("has shape", "does not describe its frames"))
         # Without a kind or an exposure a frame set cannot be measured, but can be looked at.
         if path.suffix.lower() == ".csv" or not (stacked or refused.field in ("exposure_s", "kind")):
             raise
