@@ -206,3 +206,32 @@ def test_a_place_that_only_the_system_refuses_is_named():
 def test_results_are_known_by_what_they_hold(tmp_path, content, ours):
     (tmp_path / "file").write_text(content)
     assert files.is_result(tmp_path / "file") == ours
+
+
+@pytest.mark.parametrize("held", ["shell", "mount"])
+def test_a_folder_that_is_held_stays(tmp_path, monkeypatch, held):
+    """A shell in a folder that was replaced would see an empty one, and a mounted one cannot be renamed."""
+    place = tmp_path / "out"
+    (place / "below").mkdir(parents=True)
+    if held == "shell":
+        monkeypatch.chdir(place / "below")
+    else:
+        monkeypatch.setattr(files.os.path, "ismount", lambda path: str(path) == str(place))
+    before = place.stat().st_ino
+    with pytest.raises(InputError, match="not empty"), whole_folder(place):
+        pass
+    with pytest.raises(RuntimeError), whole_folder(place, overwrite=True) as temporary:
+        (temporary / "a").write_text("half")
+        raise RuntimeError
+    assert [file.name for file in place.iterdir()] == ["below"]
+    (place / "below" / "old").touch()
+    (place / "stale").touch()
+    (place / "a").write_text("old")
+    with whole_folder(place, overwrite=True) as temporary:
+        (temporary / "a").write_text("new")
+        (temporary / "below").mkdir()
+        (temporary / "below" / "b").touch()
+    assert sorted(str(file.relative_to(place)) for file in place.rglob("*")) == ["a", "below", "below/b"]
+    assert (place / "a").read_text() == "new"
+    assert place.stat().st_ino == before
+    assert [file.name for file in tmp_path.iterdir()] == ["out"]

@@ -87,7 +87,20 @@ def check_place(path: Path) -> None:
 def check_folder(path: Path) -> None:
     """Refuse the path of a folder that cannot be made or replaced."""
     _check_folder(path)
-    _check_folder(Path(os.path.realpath(path)).parent)
+    place = Path(os.path.realpath(path))
+    if not _is_held(place):
+        _check_folder(place.parent)
+
+
+def _is_held(place: Path) -> bool:
+    """Whether a folder has to stay where it is: one that is mounted, or in which the caller's shell is, to which another folder
+    of the same name would be a stranger.
+    """
+    try:
+        here = Path.cwd()
+    except FileNotFoundError:  # it was removed
+        here = None
+    return place.is_dir() and (os.path.ismount(place) or (here is not None and here.is_relative_to(place)))
 
 
 def _is_special(path: Path) -> bool:
@@ -117,6 +130,8 @@ def _name_place(error: OSError, path: Path) -> None:
 def whole_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
     """Yield a folder beside `path` to fill; it becomes `path` when the block ends well.
 
+    A mounted folder, and that of the caller's shell, stays: what it holds is replaced, one entry after the other.
+
     Args:
         path: a new or empty folder.
         overwrite: replace a folder that is there, all that it holds.
@@ -127,8 +142,9 @@ def whole_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
     path = Path(path)
     check_folder(path)
     place = Path(os.path.realpath(path))  # a link stays a link: what it leads to is replaced
+    is_held = _is_held(place)
     place.parent.mkdir(parents=True, exist_ok=True)
-    remove_leftovers(place.parent)
+    remove_leftovers(place if is_held else place.parent)
     old = place.parent / (_OLD + place.name)
     if old.exists():  # killed while one was being replaced
         if place.exists():
@@ -139,12 +155,15 @@ def whole_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
         raise InputError("is not empty", file=path, expected="a new or empty folder")
     temporary: Path | None = None
     try:
-        temporary = Path(tempfile.mkdtemp(prefix=_prefix(), dir=place.parent))
+        temporary = Path(tempfile.mkdtemp(prefix=_prefix(), dir=place if is_held else place.parent))
         yield temporary
         temporary.chmod(0o777 & ~_umask())
         for file in temporary.rglob("*"):
             if file.is_file():
                 _flush(file)
+        if is_held:
+            _move_into(place, temporary)
+            return
         if place.is_dir():
             place.rename(old)
         temporary.rename(place)
@@ -155,6 +174,19 @@ def whole_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
     finally:
         if temporary is not None:
             shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _move_into(place: Path, temporary: Path) -> None:
+    """Let what `temporary`, a folder inside `place`, holds take the place of all else there."""
+    stale = [old for old in place.iterdir() if old != temporary]
+    for new in list(temporary.iterdir()):
+        there = place / new.name
+        if there.is_dir() and not there.is_symlink():
+            shutil.rmtree(there)
+        new.replace(there)
+        stale = [old for old in stale if old != there]
+    for old in stale:
+        shutil.rmtree(old) if old.is_dir() and not old.is_symlink() else old.unlink()
 
 
 @contextmanager

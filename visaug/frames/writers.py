@@ -74,7 +74,10 @@ def _take_along(folder: Path, temporary: Path) -> None:
             replaced |= {split_name(name)[0] for name in (record.file, record.clean) if name}
     except InputError:  # no table, or a plan that cannot be read: what it names is not known
         pass
+    folder = Path(os.path.realpath(folder))
     for file in folder.rglob("*"):
+        if temporary in (file, *file.parents):  # which may lie inside
+            continue
         place = file.relative_to(folder)
         new = temporary / place
         if place.as_posix() in replaced or new.exists() or not (file.is_symlink() or file.is_file()):
