@@ -84,7 +84,7 @@ class FrameRecord:
                 continue
             if not isinstance(value, Real):
                 raise InputError(f"{value!r} is not a number", field=field, expected=expected)
-            if not (math.isfinite(value) and low <= value <= high):
+            if not (math.isfinite(value) and low <= float(value) <= high):
                 raise InputError(f"{value:g} is out of range", field=field, expected=expected)
         if self.bayer not in (None, *MOSAICS):
             problem = f"{self.bayer!r} is not a colour filter pattern"
