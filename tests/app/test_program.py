@@ -130,6 +130,12 @@ MISTAKES = [
     (["effects", "new", "my_effect", "-o", "mine.txt"], "mine.txt: is no name of a Python file"),
     (["effects", "row_noise", "-o", "mine.py"], "--output: goes with `new`"),
     (["demo", "-o", "camera.yaml"], "camera.yaml: is a file"),
+    (["augment", "", "-o", "out", "--camera", "camera.yaml"], "'IN...': the name is empty"),
+    (["augment", ".", "-o", "", "--camera", "camera.yaml"], "'--output': the name is empty"),
+    (["characterize", ""], "'FRAMES': the name is empty"),
+    (["characterize", ".", "--json", ""], "'--json': the name is empty"),
+    (["plan", "--exposure", "10ms"], "'10ms' is not a number"),
+    (["plan", "--repeats", "2.5"], "'2.5' is not a whole number"),
     (["diagnose", ".", "--camera", "camera.yaml", "--without", "row_nois"], "--without: 'row_nois' is not"),
 ]
 

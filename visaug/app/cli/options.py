@@ -22,6 +22,18 @@ Decorator = Callable[[Callable], Callable]
 STANDARD_OUTPUT = Path("-")
 
 
+class _Path(click.Path):
+    """A path, but not the empty one that an unset variable of the shell gives, which would be the current folder."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if value == "":
+            self.fail("the name is empty", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+PATH = _Path(path_type=Path)
+
+
 class _Command(click.Command):
     """A command whose `--effects` takes several files: `--effects a.py b.py`."""
 
@@ -108,14 +120,14 @@ def flag(names: str, text: str, **more: Any) -> Decorator:
 
 def path_option(names: str, metavar: str, text: str, **more: Any) -> Decorator:
     """An option that takes a path."""
-    return option(names, metavar, text, type=click.Path(path_type=Path), **more)
+    return option(names, metavar, text, type=PATH, **more)
 
 
 def output_option(metavar: str, text: str, **more: Any) -> Decorator:
     return path_option("-o --output output", metavar, text, **more)
 
 
-frames_argument = click.argument("frames_path", metavar="FRAMES", type=click.Path(path_type=Path))
+frames_argument = click.argument("frames_path", metavar="FRAMES", type=PATH)
 force_option = click.option("--force", is_flag=True, is_eager=True, help="Overwrite existing files.")
 json_option = path_option(
     "--json json_path",

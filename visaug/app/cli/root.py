@@ -4,6 +4,7 @@ import gc
 import io
 import logging
 import os
+import re
 import signal
 import sys
 import threading
@@ -108,8 +109,8 @@ def said(mistake: click.ClickException) -> str:
     text = " ".join(mistake.format_message().split()).rstrip(".")
     if isinstance(mistake, click.MissingParameter) and "--camera" in getattr(mistake.param, "opts", ()):
         text = "--camera is missing; expected for example --camera sony_imx174 (`visaug cameras` lists all)"
-    text = text.replace("is not a valid integer range", "is not a whole number")
-    text = text.replace("is not a valid float range", "is not a number")
+    text = re.sub(r"is not a valid integer( range)?", "is not a whole number", text)
+    text = re.sub(r"is not a valid float( range)?", "is not a number", text)
     context = getattr(mistake, "ctx", None)
     return printable(f"{text}; see `{context.command_path} --help`" if context else text)
 

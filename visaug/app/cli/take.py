@@ -16,7 +16,7 @@ from visaug.core.progress import progress_bars
     "simulate",
     example="visaug plan -o frames.csv\nvisaug simulate frames.csv --camera sony_imx174 -o frames/",
 )
-@click.argument("plan_path", metavar="PLAN", type=click.Path(path_type=Path))
+@click.argument("plan_path", metavar="PLAN", type=cli.PATH)
 @cli.camera_option()
 @cli.effects_option()
 @cli.output_option("DIR", "Folder for the frames, frames.csv and camera.yaml.", required=True)
@@ -128,7 +128,7 @@ def plan(
 @cli.command(
     "frames", example="visaug frames measured/ -o measured/frames.csv --bit-depth 12 --temperature 20"
 )
-@click.argument("folder", metavar="FOLDER", type=click.Path(path_type=Path))
+@click.argument("folder", metavar="FOLDER", type=cli.PATH)
 @cli.bit_depth_option
 @cli.option(
     "--exposure exposure_s", "S", "Exposure time of files that do not state it, in seconds.", type=float
