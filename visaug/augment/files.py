@@ -133,7 +133,6 @@ def augment_files(
     check_kept(output, {**jobs.sources, **carried, **yolo})
     noise = SensorNoise(camera, **options)
     work = _Work(output, noise, seed, p, bits, force, settings_of(noise, seed, p, bits, options))
-    failed: dict[str, None] = {}
     with Journal(output, force) as journal:
         work.journal = journal
         journal.check_new([*jobs.sources, *carried])
@@ -147,15 +146,15 @@ def augment_files(
             except InputError as mistake:
                 if labels and source.suffix.lower() == ".npy":  # boxes and identities, as Replicator has them
                     carried[name] = source
-                else:
-                    failed[str(mistake)] = None  # once for all copies of a picture
+                elif (said := str(mistake)) not in work.done.failed:  # once for all copies of a picture
+                    work.done.failed.append(said)
                 continue
             if labels:
                 work.copy_label(name, source)
         for name, source in carried.items():
             work.carry(name, source)
     done = work.done
-    done.outputs, done.again, done.failed = jobs.outputs, jobs.again, [*failed]
+    done.outputs, done.again = jobs.outputs, jobs.again
     if not labels:
         done.skipped, done.excluded = jobs.skipped, jobs.excluded
     if not work.labelled and done.carried:
