@@ -116,3 +116,22 @@ def test_a_name_that_the_terminal_cannot_show_is_escaped(folder):
     done = subprocess.run([sys.executable, *names], env=env, capture_output=True, check=False)
     assert done.returncode == 0, done.stderr
     assert b"caf\\udce9" in done.stdout
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has other pipes")
+@pytest.mark.parametrize("words", [["effects"], ["cameras", "sony_imx174"], ["augment", "--help"]])
+def test_a_reader_that_leaves_is_no_failure(words):
+    """As `head` does. One pipe without a reader stands for it."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    program = [sys.executable, "-m", "visaug", *words]
+    done = subprocess.run(program, stdout=writing, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no sh")
+def test_a_closed_output_is_no_failure():
+    """A shell closes it by `>&-`."""
+    told = subprocess.run(["sh", "-c", f"'{sys.executable}' -m visaug effects >&-"], check=False)
+    assert told.returncode == 0

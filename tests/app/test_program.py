@@ -122,6 +122,21 @@ MISTAKES = [
     (["preview", ".", "--camera", "camera.yaml", "-o", "sheet.png"], ".: is a folder"),
     (["frames", ".", "--exposure", "1e-300"], "exposure_s"),
     (["frames", ".", "--temperature", "nan"], "temperature_c"),
+    (["plan", "--gains-db", "none"], "--gains-db: 'none' is not a list of numbers"),
+    (["plan", "-o", "-"], "-o: '-' is not a name"),
+    (["characterize", ".", "--report", "-"], "--report: '-' is not a name"),
+    (["preview", "a.png", "--camera", "camera.yaml", "-o", "s.png", "--seed", "9" * 30], "--seed"),
+    (["simulate", "plan.csv", "--camera", "camera.yaml", "-o", ".", "--force"], "holds no frame set"),
+    (["effects", "new", "my_effect", "-o", "mine.txt"], "mine.txt: is no name of a Python file"),
+    (["effects", "row_noise", "-o", "mine.py"], "--output: goes with `new`"),
+    (["demo", "-o", "camera.yaml"], "camera.yaml: is a file"),
+    (["augment", "", "-o", "out", "--camera", "camera.yaml"], "'IN...': the name is empty"),
+    (["augment", ".", "-o", "", "--camera", "camera.yaml"], "'--output': the name is empty"),
+    (["characterize", ""], "'FRAMES': the name is empty"),
+    (["characterize", ".", "--json", ""], "'--json': the name is empty"),
+    (["plan", "--exposure", "10ms"], "'10ms' is not a number"),
+    (["plan", "--repeats", "2.5"], "'2.5' is not a whole number"),
+    (["diagnose", ".", "--camera", "camera.yaml", "--without", "row_nois"], "--without: 'row_nois' is not"),
 ]
 
 
@@ -262,10 +277,11 @@ def test_effects_are_found_by_the_words_of_the_field(program_run, words, found, 
 def test_several_files_after_one_option(program_run):
     for name in ("one", "two"):
         program_run("effects", "new", name)
-    status, out, err = program_run("effects", "--effects", "one.py", "two.py")
-    assert status == 0, err
-    assert "one" in out.split()
-    assert "two" in out.split()
+    for first in (["--effects", "one.py"], ["--effects=one.py"]):
+        status, out, err = program_run("effects", *first, "two.py")
+        assert status == 0, err
+        assert "one" in out.split()
+        assert "two" in out.split()
 
 
 def test_lists(program_run):

@@ -629,6 +629,7 @@ def test_a_damaged_picture_is_named_and_the_others_are_made(camera, tmp_path):
     assert done.skipped == {".txt": 1, ".mp4": 1}
     again = augment_files([root], tmp_path / "out", camera)
     assert (again.written, again.kept, len(again.failed)) == (0, 3, 1)
+    assert augment_files([root], tmp_path / "two", camera, copies=2).failed == done.failed
 
 
 def named_wrongly(path, values, form=".png"):

@@ -118,3 +118,14 @@ def test_a_picture_that_cannot_be_shown_is_one_clear_line(values, bits, told, tm
 def test_pixels_without_a_number_are_black():
     light = np.array([[[np.nan], [np.inf], [-np.inf], [1.0]]], np.float32)
     assert shown(Picture(light), (slice(None), slice(None)))[0, :, 0].tolist() == [0, 255, 0, 255]
+
+
+@pytest.mark.parametrize(("top", "clipped"), [(1.0, False), (40.0, True)])
+def test_a_picture_that_is_clipped_is_said(tmp_path, top, clipped):
+    """As a render of high dynamic range, most of which would be white."""
+    from visaug.report.preview import write_preview
+
+    camera = Camera.load({"resolution": [16, 16], "gain_e_per_dn": 0.4})
+    np.save(tmp_path / "a.npy", np.linspace(0, top, 40 * 40, dtype=np.float32).reshape(40, 40))
+    said = write_preview(tmp_path / "a.npy", [camera], tmp_path / "sheet.png")
+    assert said.endswith(", values outside [0, 1] clipped") == clipped

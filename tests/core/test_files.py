@@ -1,5 +1,6 @@
 """Files appear whole or not at all."""
 
+import errno
 import json
 import os
 import signal
@@ -146,3 +147,91 @@ def test_a_link_stays_a_link_and_a_pipe_gets_the_content(tmp_path):
     os.close(reader)
     assert pipe.is_fifo()
     assert {path.name for path in tmp_path.iterdir()} == {"real", "a.txt", "pipe"}
+
+
+def test_a_read_only_folder_is_refused_before_any_work(tmp_path, monkeypatch):
+    """For the superuser, who may run the tests, no folder is."""
+    (tmp_path / "ours").mkdir()
+    monkeypatch.setattr(files.os, "access", lambda path, _: str(path) not in (str(tmp_path), "/dev"))
+    for make in (
+        lambda: files.check_place(tmp_path / "new" / "a.json"),
+        lambda: files.check_folder(tmp_path / "ours"),
+        lambda: write_text(tmp_path / "a.json", "x"),
+        lambda: whole_folder(tmp_path / "new").__enter__(),
+        lambda: folder_lock(tmp_path / "new" / "below").__enter__(),
+    ):
+        with pytest.raises(InputError) as told:
+            make()
+        expected = f"{tmp_path}: is read-only; expected a folder that you may write to"
+        assert str(told.value) == expected
+    assert [path.name for path in tmp_path.iterdir()] == ["ours"]
+    write_text(tmp_path / "ours" / "a.json", "x")
+    files.check_place(files.Path("/dev/null"))  # is written to where it is
+
+
+def test_an_error_of_the_system_names_what_was_to_be_written(tmp_path):
+    """And not the temporary file, of which a user knows nothing."""
+    for make in (whole_file, whole_folder):
+        place = tmp_path / "out"
+        with pytest.raises(OSError, match="No space left") as told, make(place) as half:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(half))
+        assert told.value.filename == str(place)
+        with pytest.raises(OSError, match="mine"), make(place):
+            raise OSError(errno.ENOENT, "no such file", "mine")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="has no /proc")
+def test_a_place_that_only_the_system_refuses_is_named():
+    with pytest.raises(OSError, match="x") as told:
+        write_text("/proc/visaug.txt", "x")
+    assert told.value.filename == "/proc/visaug.txt"
+
+
+@pytest.mark.parametrize(
+    ("content", "ours"),
+    [
+        ("", True),
+        ('{"schema": 1, "answer": "nothing"}', True),
+        ('{"warnings": ["no_sensor_noise: none"]}', True),
+        ('{"schema": 1}', False),
+        ('{"schema": 2, "parameters": {}}', False),
+        ('{"warnings": [], "rows": 3}', False),
+        ("{}", False),
+        ("row,column\n", False),
+        ("<svg><dc:title>visaug</dc:title></svg>", True),
+        ("<svg></svg>", False),
+    ],
+)
+def test_results_are_known_by_what_they_hold(tmp_path, content, ours):
+    (tmp_path / "file").write_text(content)
+    assert files.is_result(tmp_path / "file") == ours
+
+
+@pytest.mark.parametrize("held", ["shell", "mount"])
+def test_a_folder_that_is_held_stays(tmp_path, monkeypatch, held):
+    """A shell in a folder that was replaced would see an empty one, and a mounted one cannot be renamed."""
+    place = tmp_path / "out"
+    (place / "below").mkdir(parents=True)
+    if held == "shell":
+        monkeypatch.chdir(place / "below")
+    else:
+        monkeypatch.setattr(files.os.path, "ismount", lambda path: str(path) == str(place))
+    before = place.stat().st_ino
+    with pytest.raises(InputError, match="not empty"), whole_folder(place):
+        pass
+    with pytest.raises(RuntimeError), whole_folder(place, overwrite=True) as temporary:
+        (temporary / "a").write_text("half")
+        raise RuntimeError
+    assert [file.name for file in place.iterdir()] == ["below"]
+    (place / "below" / "old").touch()
+    (place / "stale").touch()
+    (place / "a").write_text("old")
+    with whole_folder(place, overwrite=True) as temporary:
+        (temporary / "a").write_text("new")
+        (temporary / "below").mkdir()
+        (temporary / "below" / "b").touch()
+    assert sorted(str(file.relative_to(place)) for file in place.rglob("*")) == ["a", "below", "below/b"]
+    assert (place / "a").read_text() == "new"
+    assert place.stat().st_ino == before
+    assert [file.name for file in tmp_path.iterdir()] == ["out"]

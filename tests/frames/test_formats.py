@@ -52,6 +52,26 @@ def test_pixels_come_as_written(tmp_path, name, which):
     assert frames.shape(0) == (6, 8)
 
 
+@pytest.mark.parametrize("name", ["dark #3.tif", "a[#1].tif", "a#b.tif"])
+def test_a_sign_of_numbers_in_a_name_is_part_of_it(tmp_path, name):
+    """Only after the ending of a format a # picks a part of the file."""
+    tifffile.imwrite(tmp_path / name, PIXELS[0])
+    write_table(tmp_path / "frames.csv", [FrameRecord(0, name, "dark", 0.1)])
+    np.testing.assert_array_equal(FrameSet.load(tmp_path).read(0), PIXELS[0])
+    tifffile.imwrite(tmp_path / name, PIXELS, photometric="minisblack")
+    write_table(tmp_path / "frames.csv", [FrameRecord(0, f"{name}#[1]", "dark", 0.1)])
+    np.testing.assert_array_equal(FrameSet.load(tmp_path).read(0), PIXELS[1])
+
+
+@pytest.mark.parametrize("name", ["a.tif#x", "a.png#frames[0]", "a.raw#x"])
+def test_an_array_of_a_file_without_arrays_is_refused(tmp_path, name):
+    write_all(tmp_path)
+    write_table(tmp_path / "frames.csv", [FrameRecord(0, name, "dark", 0.1)])
+    frames = FrameSet.load(tmp_path, resolution=(6, 8), byte_order="little", bits_at="bottom")
+    with pytest.raises(InputError, match="has no array"):
+        frames.read(0)
+
+
 def test_8_bit_png_and_its_bit_depth(tmp_path):
     pixels = RNG.integers(0, 256, (5, 7), dtype=np.uint8)
     Image.fromarray(pixels).save(tmp_path / "p.png")

@@ -370,6 +370,49 @@ def test_a_cameras_bits_are_taken_where_files_of_16_leave_them_open(tmp_path):
     assert bottom.assuming_bits(16) is bottom
 
 
+@pytest.mark.parametrize(
+    ("records", "frames", "named"),
+    [
+        (None, np.zeros((1, 4, 4)), "records: None is no sequence"),
+        ([FrameRecord(0, "a", "bias")], None, "frames: None is no sequence"),
+        ([{"kind": "bias"}], np.zeros((1, 4, 4)), "records: a dict is no record"),
+        ([FrameRecord(0, "a", "bias")], np.zeros((1, 4, 4), complex), "a: holds complex128"),
+        ([FrameRecord(0, "a", "bias")], np.full((1, 4, 4), "x"), "a: holds <U1"),
+    ],
+)
+def test_arrays_of_another_kind_are_refused(records, frames, named):
+    with pytest.raises(InputError) as told:
+        FrameSet.from_arrays(records, frames).read(0)
+    assert str(told.value).startswith(named)
+
+
+@pytest.mark.parametrize("path", [None, 3, ["a.tif"], np.zeros((2, 4, 4))])
+def test_what_is_no_path_is_refused(path):
+    with pytest.raises(InputError, match="is not a frame set; expected a FrameSet, or the path of one"):
+        FrameSet.load(path)
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("resolution", 48),
+        ("resolution", "48x64"),
+        ("resolution", (48,)),
+        ("resolution", (4.5, 6)),
+        ("resolution", (0, 6)),
+        ("bit_depth", "12"),
+        ("bit_depth", 12.5),
+        ("bit_depth", 33),
+    ],
+)
+def test_options_of_another_kind_are_refused(tmp_path, option, value):
+    small_set()[0].save(tmp_path / "set")
+    with pytest.raises(InputError) as told:
+        FrameSet.load(tmp_path / "set", **{option: value})
+    assert told.value.field == option
+    assert repr(value) in told.value.problem
+
+
 def test_a_frame_set_by_path_or_itself(tmp_path):
     frames = FrameSet.from_arrays([FrameRecord(0, "0.npy", "bias")], [np.zeros((4, 6), np.uint16)])
     assert FrameSet.of(frames) is frames

@@ -33,6 +33,12 @@ def test_region_without_quotation_marks_is_understood(tmp_path):
     assert read_table(path)[0].window == (3, 9, 0, 4)
 
 
+@pytest.mark.parametrize("name", ["a.npz#frames[3,0]", "a.npz#d[:,:,3]", "a.npz#frames[3]", "b [1].npy"])
+def test_an_index_without_quotation_marks_is_understood(tmp_path, name):
+    path = table(tmp_path, f"0,{name},dark,1,20,0,,")
+    assert read_table(path) == [FrameRecord(0, name, "dark", 1.0, 20.0)]
+
+
 def test_writing_then_reading_gives_the_same_records(tmp_path):
     records = [
         FrameRecord(0, "a,b.npy", "bias", 1e-5, -12.25, 3.0),
@@ -204,3 +210,22 @@ def test_groups_part_on_every_condition_and_keep_the_order():
     ]
     groups = group_records((base, *others))
     assert [g.indices for g in groups] == [(0, 1, 13), *((i,) for i in range(2, 13))]
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "named"),
+    [
+        ("sequence", "0", "sequence: '0' is not valid"),
+        ("file", None, "file: None is not valid"),
+        ("exposure_s", "10ms", "exposure_s: '10ms' is not a number; expected seconds"),
+        ("exposure_s", None, "exposure_s: None is not a number"),
+        ("temperature_c", "20", "temperature_c: '20' is not a number"),
+        ("window", "0:4,0:4", "region: '0:4,0:4' is not a window"),
+        ("window", (0, 4), "region: (0, 4) is not a window"),
+        ("window", (4, 0, 0, 4), "region: 4:0,0:4 is not a window"),
+    ],
+)
+def test_a_record_refuses_values_of_another_kind(field, value, named):
+    with pytest.raises(InputError) as told:
+        FrameRecord(**({"sequence": 0, "file": "a.npy", "kind": "dark"} | {field: value}))
+    assert str(told.value).startswith(named)

@@ -366,3 +366,14 @@ def test_a_name_that_is_not_utf8_is_named(tmp_path):
         pytest.skip("the file system takes UTF-8 alone")
     with pytest.raises(InputError, match="dark_1s_\udce9\\.tif: has a name that is not UTF-8"):
         survey(tmp_path).text()
+
+
+def test_arrays_that_are_no_frames_are_named(tmp_path):
+    """A file of numbers beside frames is left out with a note; alone it is a mistake."""
+    np.save(tmp_path / "numbers.npy", np.zeros((2, 2, 4, 4)))
+    with pytest.raises(InputError, match=r"numbers\.npy: holds no frames; expected arrays"):
+        survey(tmp_path)
+    np.save(tmp_path / "bias.npy", pixels())
+    found = survey(tmp_path)
+    assert [r["file"] for r in found.rows] == ["bias.npy"]
+    assert any("unreadable_files: 1 file is left out" in note for note in found.notes)

@@ -66,11 +66,15 @@ def test_a_folder_that_is_no_frame_set_is_not_replaced(tmp_path):
     assert (tmp_path / "notes" / "mine.txt").exists()
 
 
-def test_replacing_a_set_keeps_what_is_not_of_it(tmp_path):
+@pytest.mark.parametrize("where", ["elsewhere", "in it"])
+def test_replacing_a_set_keeps_what_is_not_of_it(tmp_path, monkeypatch, where):
     place = frame_set("a.npy", "x/b.npy").save(tmp_path / "out", keep_names=True)
+    if where == "in it":
+        monkeypatch.chdir(place)
     (place / "notes.txt").write_text("mine")
     (place / "x" / "thesis.txt").write_text("mine too")
-    frame_set("x/b.npy").save(place, keep_names=True, overwrite=True)
+    target = "." if where == "in it" else place
+    frame_set("x/b.npy").save(target, keep_names=True, overwrite=True)
     left = sorted(path.relative_to(place).as_posix() for path in place.rglob("*") if path.is_file())
     assert left == ["frames.csv", "notes.txt", "x/b.npy", "x/thesis.txt"]
     assert (place / "x" / "thesis.txt").read_text() == "mine too"

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import tifffile
 from PIL import Image
 
 import visaug
@@ -121,3 +122,32 @@ def test_the_colours_of_a_stated_mosaic_are_no_pattern_of_the_sensor():
     (parity,) = (f for f in found.findings if f.what == "parity")
     assert parity.amplitude_dn == pytest.approx(3, rel=0.1)
     assert any("RGGB" in note for note in found.notes)
+
+
+def test_one_frame_is_said_as_one_and_a_table_as_a_table(folder, tmp_path, capsys):
+    main(["inspect", str(folder / "dark_00.png")])
+    said = capsys.readouterr().out
+    assert "\n1 frame, kinds by the file names; " in said
+    assert "\n1 dark frame: level " in said
+    main(["frames", str(folder), "-o", str(folder / "frames.csv"), "--exposure", "1"])
+    assert visaug.inspect(folder).kinds_from == "the table or headers"
+    assert visaug.inspect(folder / "frames.csv").kinds_from == "the table or headers"
+
+
+@pytest.mark.parametrize("name", ["dark.npy", "dark_stack.tif", "a.npz"])
+def test_stacks_are_looked_at_and_the_next_command_runs(tmp_path, name, capsys):
+    """A measuring command does not read a stack without a table, whose name tells the kind though."""
+    values = np.rint(np.random.default_rng(5).normal(100, 3, (6, 24, 32))).astype(np.uint16)
+    place = tmp_path / name
+    if name.endswith(".npy"):
+        np.save(place, values)
+    elif name.endswith(".npz"):
+        np.savez(place, dark=values)
+    else:
+        tifffile.imwrite(place, values, photometric="minisblack")
+    for path in (place, tmp_path):
+        result = visaug.inspect(path)
+        assert result.kinds == {"dark": 6}
+        assert result.next_command == f"visaug frames {tmp_path} -o {tmp_path}/frames.csv"
+    main(result.next_command.split()[1:])
+    assert f"wrote {tmp_path}/frames.csv" in capsys.readouterr().out

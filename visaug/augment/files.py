@@ -147,8 +147,8 @@ def augment_files(
             except InputError as mistake:
                 if labels and source.suffix.lower() == ".npy":  # boxes and identities, as Replicator has them
                     carried[name] = source
-                else:
-                    work.done.failed.append(str(mistake))
+                elif (said := str(mistake)) not in work.done.failed:  # once for all copies of a picture
+                    work.done.failed.append(said)
                 continue
             if labels:
                 work.copy_label(name, source)

@@ -17,6 +17,13 @@ from typing import Any
 from visaug.core.errors import InputError
 
 DEFECTS = "row,column,type,height_dn\n"  # the first line of a list of defects
+# what a page, an SVG and a PNG hold near their beginning, and JSON beside `schema`, if visaug wrote them
+_MARKS = (
+    b'<meta name="generator" content="visaug">',
+    b"<dc:title>visaug</dc:title>",
+    b"Software\0visaug",
+)
+_KEYS = {"answer", "error", "operating_points", "parameters"}
 _HALF = ".visaug-half-"  # of what is being written; host and process follow
 _OLD = ".visaug-old-"  # of a folder that is being replaced; its name follows
 _HOST = blake2b(socket.gethostname().encode(), digest_size=4).hexdigest()
@@ -42,16 +49,17 @@ def whole_file(path: str | Path) -> Iterator[Path]:
         InputError: `path` is a folder, or lies below a file.
     """
     path = Path(path)
-    is_special = path.exists() and not path.is_file()
-    path = path if is_special else Path(os.path.realpath(path))
     check_place(path)
+    is_special = _is_special(path)
+    path = path if is_special else Path(os.path.realpath(path))
     folder = Path(tempfile.gettempdir()) if is_special else path.parent
     folder.mkdir(parents=True, exist_ok=True)
     remove_leftovers(folder)
-    handle, name = tempfile.mkstemp(prefix=_prefix(), suffix=path.suffix, dir=folder)
-    os.close(handle)
-    temporary = Path(name)
+    temporary: Path | None = None
     try:
+        handle, name = tempfile.mkstemp(prefix=_prefix(), suffix=path.suffix, dir=folder)
+        os.close(handle)
+        temporary = Path(name)
         yield temporary
         if is_special:
             with open(path, "wb") as target:
@@ -60,29 +68,69 @@ def whole_file(path: str | Path) -> Iterator[Path]:
         temporary.chmod(0o666 & ~_umask())
         _flush(temporary)
         temporary.replace(path)
+    except OSError as error:
+        _name_place(error, path)
+        raise
     finally:
-        temporary.unlink(missing_ok=True)
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
 
 
 def check_place(path: Path) -> None:
-    """Refuse a path at which no file can be written: a folder, or one below a file."""
+    """Refuse a path at which no file can be written: a folder, or one below a file or in a read-only folder."""
     if path.is_dir():
         raise InputError("is a folder", file=path, expected="the name of a file")
-    _check_folder(path.parent)
+    if not _is_special(path):
+        _check_folder(Path(os.path.realpath(path)).parent if path.is_symlink() else path.parent)
+
+
+def check_folder(path: Path) -> None:
+    """Refuse the path of a folder that cannot be made or replaced."""
+    _check_folder(path)
+    place = Path(os.path.realpath(path))
+    if not _is_held(place):
+        _check_folder(place.parent)
+
+
+def _is_held(place: Path) -> bool:
+    """Whether a folder has to stay where it is: one that is mounted, or in which the caller's shell is, to which another folder
+    of the same name would be a stranger.
+    """
+    try:
+        here = Path.cwd()
+    except FileNotFoundError:  # it was removed
+        here = None
+    return place.is_dir() and (os.path.ismount(place) or (here is not None and here.is_relative_to(place)))
+
+
+def _is_special(path: Path) -> bool:
+    """Whether a device or a pipe is there, which are written to and not replaced."""
+    return path.exists() and not path.is_file() and not path.is_dir()
 
 
 def _check_folder(path: Path) -> None:
-    """Refuse the path of a folder that is a file, or lies below one."""
+    """Refuse the path of a folder that is a file, or lies below one, or into which nothing can be written."""
     for place in (path, *path.parents):
         if place.exists():
             if not place.is_dir():
                 raise InputError("is a file", file=place, expected="a folder")
+            if not os.access(place, os.W_OK | os.X_OK):
+                raise InputError("is read-only", file=place, expected="a folder that you may write to")
             return
+
+
+def _name_place(error: OSError, path: Path) -> None:
+    """The name of a temporary file or folder tells a user nothing: the error names what was to be written."""
+    name = os.fsdecode(error.filename) if isinstance(error.filename, str | bytes | Path) else ""
+    if error.errno is not None and (not name or _HALF in name):
+        error.filename = os.fspath(path)
 
 
 @contextmanager
 def whole_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
     """Yield a folder beside `path` to fill; it becomes `path` when the block ends well.
+
+    A mounted folder, and that of the caller's shell, stays: what it holds is replaced, one entry after the other.
 
     Args:
         path: a new or empty folder.
@@ -92,10 +140,11 @@ def whole_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
         InputError: `path` is a file, or holds something and is not to be replaced.
     """
     path = Path(path)
-    _check_folder(path)
+    check_folder(path)
     place = Path(os.path.realpath(path))  # a link stays a link: what it leads to is replaced
+    is_held = _is_held(place)
     place.parent.mkdir(parents=True, exist_ok=True)
-    remove_leftovers(place.parent)
+    remove_leftovers(place if is_held else place.parent)
     old = place.parent / (_OLD + place.name)
     if old.exists():  # killed while one was being replaced
         if place.exists():
@@ -104,19 +153,40 @@ def whole_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
             old.rename(place)
     if place.is_dir() and any(place.iterdir()) and not overwrite:
         raise InputError("is not empty", file=path, expected="a new or empty folder")
-    temporary = Path(tempfile.mkdtemp(prefix=_prefix(), dir=place.parent))
+    temporary: Path | None = None
     try:
+        temporary = Path(tempfile.mkdtemp(prefix=_prefix(), dir=place if is_held else place.parent))
         yield temporary
         temporary.chmod(0o777 & ~_umask())
         for file in temporary.rglob("*"):
             if file.is_file():
                 _flush(file)
+        if is_held:
+            _move_into(place, temporary)
+            return
         if place.is_dir():
             place.rename(old)
         temporary.rename(place)
         shutil.rmtree(old, ignore_errors=True)
+    except OSError as error:
+        _name_place(error, path)
+        raise
     finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        if temporary is not None:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _move_into(place: Path, temporary: Path) -> None:
+    """Let what `temporary`, a folder inside `place`, holds take the place of all else there."""
+    stale = [old for old in place.iterdir() if old != temporary]
+    for new in list(temporary.iterdir()):
+        there = place / new.name
+        if there.is_dir() and not there.is_symlink():
+            shutil.rmtree(there)
+        new.replace(there)
+        stale = [old for old in stale if old != there]
+    for old in stale:
+        shutil.rmtree(old) if old.is_dir() and not old.is_symlink() else old.unlink()
 
 
 @contextmanager
@@ -211,10 +281,12 @@ def write_yaml(path: str | Path, value: Any) -> None:
 
 
 def is_result(path: Path) -> bool:
-    """Whether a file is a result that visaug wrote: a page that names it, a list of defects, or JSON with the keys of a result."""
+    """Whether a file is a result that visaug wrote, or empty: a page or picture that names it, a list of defects, or JSON with
+    the keys of a result.
+    """
     with open(path, "rb") as file:
         start = file.read(2048)
-        if b'<meta name="generator" content="visaug">' in start or start.startswith(DEFECTS.encode()):
+        if not start or any(mark in start for mark in _MARKS) or start.startswith(DEFECTS.encode()):
             return True
         if not start.lstrip().startswith(b"{"):
             return False
@@ -225,7 +297,8 @@ def is_result(path: Path) -> bool:
     scores = all(
         isinstance(each, dict) and {"images", "poses_found"} <= each.keys() for each in content.values()
     )
-    return bool({"schema", "warnings"} & content.keys()) or (bool(content) and scores)
+    measured = content.get("schema") == 1 and bool(_KEYS & content.keys())
+    return measured or content.keys() == {"warnings"} or (bool(content) and scores)
 
 
 def _umask() -> int:

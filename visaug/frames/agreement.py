@@ -9,6 +9,7 @@ from typing import Any
 from visaug.core.errors import InputError
 from visaug.core.wording import first_of
 from visaug.frames.keywords import SETTING_KEYWORDS
+from visaug.frames.pixels import split_name
 from visaug.frames.units import number_or_none
 
 _SHARED = ("GAIN", *(name for name in SETTING_KEYWORDS if name != "PEDESTAL"))  # binning left out is 1
@@ -52,7 +53,7 @@ def _one_plane(rows: list[Row], notes: list[str]) -> list[Row]:
     plane of frames taken in turn loses frames, three colours taken for frames make noise of what is fixed.
     """
     planes = [r for r in rows if r["_plane"] is not None]
-    stacks = {r["file"].partition("#")[0]: r["_colour"] for r in planes}
+    stacks = {split_name(r["file"])[0]: r["_colour"] for r in planes}
     unknown = len(stacks) > 1 and all(colour in (None, True) for colour in stacks.values())
     colours = [r for r in planes if r["_colour"] or (r["_colour"] is None and unknown)]
     if not colours:

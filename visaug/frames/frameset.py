@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import operator
+from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
 from pathlib import Path
 
 import numpy as np
@@ -60,15 +61,7 @@ class FrameSet:
         Raises:
             InputError: neither a frame set nor a path, or a path that holds no frames.
         """
-        if isinstance(source, FrameSet):
-            return source
-        if not isinstance(source, str | Path):
-            problem, expected = (
-                f"{type(source).__name__} is not a frame set",
-                "a FrameSet, or the path of one",
-            )
-            raise InputError(problem, field="frames", expected=expected)
-        return cls.load(source, resolution)
+        return source if isinstance(source, FrameSet) else cls.load(source, resolution)
 
     @classmethod
     def load(
@@ -93,6 +86,10 @@ class FrameSet:
         Raises:
             InputError: there are no frames at `path`, or their description is not valid.
         """
+        if not isinstance(path, str | Path):
+            problem = f"{type(path).__name__} is not a frame set"
+            expected = "a FrameSet, or the path of one"
+            raise InputError(problem, field="frames", expected=expected)
         path = Path(path)
         kind, root, files = sources.find(path)
         warnings: list[str] = []
@@ -145,6 +142,13 @@ class FrameSet:
         Raises:
             InputError: the numbers of records and frames differ, or a value is not valid.
         """
+        for thing, given in (("records", records), ("frames", frames)):
+            if not isinstance(given, Sized):
+                raise InputError(f"{given!r} is no sequence", field=thing, expected="one for each frame")
+        wrong = next((record for record in records if not isinstance(record, FrameRecord)), None)
+        if wrong is not None:
+            problem = f"a {type(wrong).__name__} is no record"
+            raise InputError(problem, field="records", expected="a visaug.frames.FrameRecord for each frame")
         if len(records) != len(frames):
             problem = f"{len(records)} records but {len(frames)} frames"
             raise InputError(problem, field="frames", expected="equal numbers of records and frames")
@@ -209,7 +213,10 @@ class FrameSet:
     def clean(self, i: int) -> np.ndarray:
         """Noiseless target of scene `i`, (H, W) float32 in photons per pixel, read-only."""
         if self.records[i].clean is None:
-            raise InputError("has no noiseless target", file=self.records[i].file, field="clean")
+            expected = "the file of the scene in photons per pixel, .npy or float TIFF"
+            raise InputError(
+                "has no noiseless target", file=self.records[i].file, field="clean", expected=expected
+            )
         return self._store.clean(self._positions[i])
 
     def shape(self, i: int) -> tuple[int, int]:
@@ -283,7 +290,11 @@ def _common_depth(records: Sequence[FrameRecord]) -> int | None:
 def _pair(resolution: Sequence[int] | None) -> tuple[int, int] | None:
     if resolution is None:
         return None
-    pair = tuple(int(n) for n in resolution)
-    if len(pair) != 2 or min(pair) < 1:
-        raise InputError(f"{list(resolution)} is not a size", field="resolution", expected="rows and columns")
-    return pair[0], pair[1]
+    try:
+        rows, columns = (operator.index(n) for n in resolution)
+    except (TypeError, ValueError):
+        rows = columns = 0
+    if min(rows, columns) < 1:
+        expected = "rows and columns, as (1024, 1280)"
+        raise InputError(f"{resolution!r} is not a size", field="resolution", expected=expected)
+    return rows, columns

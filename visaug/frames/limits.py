@@ -64,7 +64,7 @@ def outside(index: Index, shape: Sequence[int], file: Path) -> InputError:
     return InputError(f"index {list(index)} is outside shape {tuple(shape)}", file=file)
 
 
-def check_numbers(dtype: np.dtype, file: Path, field: str | None = None) -> None:
+def check_numbers(dtype: np.dtype, file: Path | str, field: str | None = None) -> None:
     """Refuse pixels that are no real numbers."""
     if dtype.kind not in "uif":
         raise InputError(f"holds {dtype}", file=file, field=field, expected="integers or floats in DN")

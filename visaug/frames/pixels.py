@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -24,8 +25,15 @@ _FRAGMENT = re.compile(r"^(?P<key>[^\[\]]*)(\[(?P<index>\s*([0-9]{1,9}|:)(\s*,\s
 
 
 def split_name(name: str) -> tuple[str, str | None, Index]:
-    """``file.npz#frames[3,0]`` as file, key and index; without ``#`` key None and index (). ``[:,:,3]`` counts the last axis."""
-    file, _, fragment = name.partition("#")
+    """``file.npz#frames[3,0]`` as file, key and index; without ``#`` key None and index (). ``[:,:,3]`` counts the last axis.
+
+    A ``#`` that does not follow the ending of a frame format is part of the file's name, as in ``bias #3.tif``.
+    """
+    marks = (at for at, sign in enumerate(name) if sign == "#")
+    mark = next((at for at in marks if suffix_of(Path(name[:at])) in SUFFIXES), None)
+    if mark is None:
+        return name, None, ()
+    file, fragment = name[:mark], name[mark + 1 :]
     match = _FRAGMENT.match(fragment)
     if match is None:
         expected = "file.npz#key[3] or file.npz#key[3,0]"
@@ -76,7 +84,10 @@ class PixelReader:
             pixels = self._arrays.read(path, key, index)
             index = ()
         elif not _is_file(path):
-            raise InputError("no such file", file=path)
+            raise InputError("is a folder" if os.path.isdir(path) else "no such file", file=path)
+        elif key and suffix in SUFFIXES and suffix not in FITS:
+            expected = "#[3] for the fourth frame of a stack, or no #"
+            raise InputError(f"a {suffix} file has no array {key!r}", file=path, expected=expected)
         elif suffix == ".raw":
             pixels = read_raw(path, raw_shape, self.layout)
         elif suffix in TIFFS:

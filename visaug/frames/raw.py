@@ -62,7 +62,10 @@ def read_raw(path: Path, shape: tuple[int, int] | None, layout: str) -> np.ndarr
         InputError: no resolution, or a file of another size.
     """
     if shape is None:
-        expected = "the camera's rows and columns (--camera), or a region 0:rows,0:columns in frames.csv"
+        expected = (
+            "the camera's rows and columns (--camera), or a region 0:rows,0:columns in frames.csv, which `visaug frames "
+            "--resolution` writes"
+        )
         problem = "a .raw file does not contain its size"
         raise InputError(problem, file=path, field="resolution", expected=expected)
     rows, columns = shape

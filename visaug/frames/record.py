@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from numbers import Integral, Real
 
 from visaug.core.errors import InputError
 
@@ -19,6 +21,9 @@ _LIMITS: dict[str, tuple[float, float, str]] = {
     "combined": (0, 1e6, "how many exposures were averaged, 1 for a raw frame"),
     "bit_depth": (1, 32, "1 to 32 bits"),
 }
+
+
+_NEVER_BLANK = ("exposure_s", "gain_db", "combined")
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,24 +69,36 @@ class FrameRecord:
     time_s: float | None = None
 
     def __post_init__(self) -> None:
+        for field, wanted, expected in (
+            ("sequence", Integral, "a whole number, the place in the order of acquisition"),
+            ("file", str, "the name of a file as text"),
+        ):
+            if not isinstance(value := getattr(self, field), wanted):
+                raise InputError(f"{value!r} is not valid", field=field, expected=expected)
         if self.kind not in KINDS:
             problem = f"{self.kind!r} is not a kind of frame"
             raise InputError(problem, field="kind", expected=" or ".join(KINDS))
         for field, (low, high, expected) in _LIMITS.items():
             value = getattr(self, field)
-            if value is None or (field == "exposure_s" and value == 0):
+            if (value is None and field not in _NEVER_BLANK) or (field == "exposure_s" and value == 0):
                 continue
-            if not (math.isfinite(value) and low <= value <= high):
+            if not isinstance(value, Real):
+                raise InputError(f"{value!r} is not a number", field=field, expected=expected)
+            if not (math.isfinite(value) and low <= float(value) <= high):
                 raise InputError(f"{value:g} is out of range", field=field, expected=expected)
         if self.bayer not in (None, *MOSAICS):
             problem = f"{self.bayer!r} is not a colour filter pattern"
             raise InputError(problem, field="bayer", expected=" or ".join(MOSAICS))
         if self.window is not None:
-            r0, r1, c0, c1 = self.window
-            if not (0 <= r0 < r1 and 0 <= c0 < c1):
-                problem = f"{format_window(self.window)} is not a window"
+            window = self.window
+            whole = isinstance(window, Sequence) and all(isinstance(n, Integral) for n in window)
+            is_window = (
+                whole and len(window) == 4 and 0 <= window[0] < window[1] and 0 <= window[2] < window[3]
+            )
+            if not is_window:
+                said = format_window(window) if whole and len(window) == 4 else repr(window)
                 expected = "r0:r1,c0:c1 with 0 <= r0 < r1 and 0 <= c0 < c1"
-                raise InputError(problem, field="region", expected=expected)
+                raise InputError(f"{said} is not a window", field="region", expected=expected)
 
     @property
     def window_size(self) -> tuple[int, int] | None:

@@ -5,6 +5,7 @@ pictures.
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path, PureWindowsPath
 
 from visaug.core.errors import InputError
@@ -109,7 +110,7 @@ def _surveyed(folder: Path, files: list[Path], warnings: list[str]) -> list[Fram
     """Records of the files; a file below the folder that says no kind or exposure is left out."""
     found = survey(folder, files=files)
     lacking = [*found.missing("kind"), *found.missing("exposure_s")]
-    unknown = [row for row in lacking if "/" in row["file"].partition("#")[0]]
+    unknown = [row for row in lacking if "/" in split_name(row["file"])[0]]
     used = set(files)
     if len(unknown) < len(found.rows):
         found.rows = [r for r in found.rows if not any(r is u for u in unknown)]
@@ -210,9 +211,10 @@ def nothing_here(folder: Path, below: int) -> InputError:
     for file in sorted(folder.rglob("*")):
         if not below and (instead := _FOREIGN.get(file.suffix.lower())):
             return InputError("is no format that can be read", file=file, expected=instead)
-    problem = f"does not describe its frames; {below} files may contain some" if below else "holds no frames"
-    expected = (
-        f"frames.csv (`visaug frames {folder} -o {folder / 'frames.csv'}` writes one), {DESCRIPTOR}, FITS "
-        f"files, pictures ({' '.join(SUFFIXES)}), or folders named bias, dark and flat"
-    )
+    if not below:
+        expected = f"frames.csv, {DESCRIPTOR}, or files of the kinds {' '.join(SUFFIXES)}"
+        return InputError("holds no frames", file=folder, expected=expected)
+    command = shlex.join(["visaug", "frames", str(folder), "-o", str(folder / "frames.csv")])
+    problem = f"does not describe its frames; {below} files may contain some"
+    expected = f"frames.csv (`{command}` writes one), or folders named bias, dark and flat"
     return InputError(problem, file=folder, expected=expected)

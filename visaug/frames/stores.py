@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
+from numbers import Integral
 from pathlib import Path
 from typing import Protocol
 
@@ -13,6 +14,7 @@ import numpy as np
 from visaug.core.errors import InputError
 from visaug.frames.checks import check_frame, check_values
 from visaug.frames.kept import KeptFrames
+from visaug.frames.limits import check_numbers
 from visaug.frames.pixels import PixelReader, suffix_of
 from visaug.frames.raw import BYTE_ORDERS, LAYOUTS, guess_layout, unused_low_bits
 from visaug.frames.record import FrameRecord
@@ -37,6 +39,12 @@ class Store(Protocol):
     def path(self, i: int) -> Path | None: ...
 
 
+def _check_bits(bit_depth: int | None) -> None:
+    if bit_depth is not None and not (isinstance(bit_depth, Integral) and 1 <= bit_depth <= 32):
+        problem, expected = f"{bit_depth!r} is out of range", "a whole number of bits, 1 to 32"
+        raise InputError(problem, field="bit_depth", expected=expected)
+
+
 class MemoryStore:
     """Frames in memory."""
 
@@ -47,6 +55,7 @@ class MemoryStore:
         cleans: dict[str, np.ndarray],
         bit_depth: int | None,
     ) -> None:
+        _check_bits(bit_depth)
         self._records, self._frames = list(records), frames
         self._cleans = {name: np.asarray(c, np.float32) for name, c in cleans.items()}
         self._bit_depth = self.told_bits = bit_depth
@@ -69,6 +78,7 @@ class MemoryStore:
         if frame.ndim != 2:
             raise InputError(f"has shape {frame.shape}", file=name, expected="rows x columns")
         if i not in self._checked:  # statistics read the frames of a set several times
+            check_numbers(frame.dtype, name)
             check_values(frame, self.bit_depth, name)
             check_frame(self._records[i], frame)
             self._checked.add(i)
@@ -108,8 +118,7 @@ class FileStore:
         for field, value, choices in (orders, places):
             if value is not None and value not in choices:
                 raise InputError(f"{value!r} is unknown", field=field, expected=" or ".join(choices))
-        if bit_depth is not None and not 1 <= bit_depth <= 32:
-            raise InputError(f"{bit_depth} is out of range", field="bit_depth", expected="1 to 32 bits")
+        _check_bits(bit_depth)
         self._records, self._root, self._resolution = list(records), root, resolution
         self._bit_depth, self._bits_at, self.warnings = bit_depth, bits_at, warnings
         self.told_bits = bit_depth

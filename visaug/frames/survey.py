@@ -145,6 +145,9 @@ def survey(
                 raise
             unreadable.append(error)
             continue
+        if not frames:
+            expected = "arrays of rows x columns, or stacks of such"
+            unreadable.append(InputError("holds no frames", file=file, expected=expected))
         for fragment, facts in frames:
             rows.append(_row(f"{name}#{fragment}" if fragment else name, facts, by_name, given or {}))
             if size is not None:

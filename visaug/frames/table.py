@@ -23,6 +23,12 @@ COLUMNS = ("sequence", "file", "kind", "exposure_s", "temperature_c", "gain_db",
 FURTHER = ("region", "setting", "filter", "combined", "bayer", "bit_depth", "time_s")
 SETTINGS = ("gain", "offset", "iso", "readoutm", "readout_mode")  # columns that together are the setting
 _REQUIRED = ("file", "kind")
+_UNITS = {
+    "exposure_s": "seconds, such as 0.01",
+    "temperature_c": "degrees Celsius, such as 20",
+    "gain_db": "decibels, such as 6",
+    "photons": "photons per pixel, such as 5000",
+}
 
 
 def read_table(path: str | Path, warnings: list[str] | None = None) -> list[FrameRecord]:
@@ -114,7 +120,8 @@ def _rows(path: Path) -> tuple[list[tuple[int, list[str]]], str]:
         delimiter = max((",", ";", "\t"), key=first.count)
         rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=delimiter))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"cannot be read ({error})", file=path, expected="a CSV file") from None
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be read ({reason})", file=path, expected="a CSV file") from None
     held = [(n, row) for n, row in enumerate(rows, start=1) if any(cell.strip() for cell in row)]
     if not held:
         raise InputError("is empty", file=path, expected="the columns " + ",".join(COLUMNS))
@@ -146,6 +153,7 @@ def _check_header(header: list[str], path: Path) -> list[str]:
 
 
 def _cells(header: list[str], row: list[str], path: Path, number: int) -> dict[str, str]:
+    row = _whole_indices(row) if len(row) > len(header) else row
     if len(row) == len(header) + 1 and "region" in header:  # r0:r1,c0:c1 written without quotation marks
         at = header.index("region")
         row = [*row[:at], f"{row[at]},{row[at + 1]}", *row[at + 2 :]]
@@ -157,6 +165,17 @@ def _cells(header: list[str], row: list[str], path: Path, number: int) -> dict[s
         if name not in cells:
             raise InputError("is missing", file=path, field=f"row {number}, {name}", expected=wanted)
     return cells
+
+
+def _whole_indices(row: list[str]) -> list[str]:
+    """The cells, one of ``a.npz#frames[3,0]`` written without quotation marks put together."""
+    made: list[str] = []
+    for cell in row:
+        if made and "#" in made[-1] and made[-1].count("[") > made[-1].count("]"):
+            made[-1] += f",{cell}"
+        else:
+            made.append(cell)
+    return made
 
 
 @dataclass
@@ -220,7 +239,8 @@ class _Row:
         try:
             return float(text.replace(",", ".") if self.decimal == "," else text)
         except ValueError:
-            raise self.wrong(column, f"{text!r} is not a number", "a number") from None
+            expected = _UNITS.get(column, "a number")
+            raise self.wrong(column, f"{text!r} is not a number", expected) from None
 
     def whole(self, column: str, default: int, what: str) -> int:
         value = self.number(column)

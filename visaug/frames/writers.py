@@ -16,7 +16,7 @@ import numpy as np
 
 from visaug.core.errors import InputError
 from visaug.core.extras import extra
-from visaug.core.files import whole_folder
+from visaug.core.files import check_folder, whole_folder
 from visaug.frames.pixels import split_name
 from visaug.frames.table import read_table, write_table
 
@@ -36,9 +36,8 @@ def save(
     beside: Callable[[Path], object] | None,
 ) -> Path:
     """Write a set to `folder`; see `FrameSet.save`."""
-    if folder.is_dir() and overwrite and any(folder.iterdir()) and not (folder / "frames.csv").is_file():
-        problem = "holds no frame set that can be replaced"
-        raise InputError(problem, file=folder, expected="a new or empty folder")
+    if overwrite:
+        check_output(folder)
     with whole_folder(folder, overwrite) as temporary:
         cleans = _write_cleans(frames, temporary)
         # 8 and 16 bits show in the files; what lies between does not.
@@ -59,6 +58,14 @@ def save(
     return folder
 
 
+def check_output(folder: Path) -> None:
+    """Refuse a folder that cannot be made, or holds something and no frame set that can be replaced."""
+    check_folder(folder)
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / "frames.csv").is_file():
+        problem = "holds no frame set that can be replaced"
+        raise InputError(problem, file=folder, expected="a new or empty folder")
+
+
 def _take_along(folder: Path, temporary: Path) -> None:
     """Into the folder that takes its place: all files but those of the frame set that is replaced."""
     replaced = {"frames.csv", "camera.yaml"}
@@ -67,7 +74,10 @@ def _take_along(folder: Path, temporary: Path) -> None:
             replaced |= {split_name(name)[0] for name in (record.file, record.clean) if name}
     except InputError:  # no table, or a plan that cannot be read: what it names is not known
         pass
+    folder = Path(os.path.realpath(folder))
     for file in folder.rglob("*"):
+        if temporary in (file, *file.parents):  # which may lie inside
+            continue
         place = file.relative_to(folder)
         new = temporary / place
         if place.as_posix() in replaced or new.exists() or not (file.is_symlink() or file.is_file()):
@@ -117,7 +127,7 @@ def _write_cleans(frames: FrameSet, folder: Path) -> dict[str, str]:
     taken = {str(path) for file in files for path in (file, *file.parents)} | {"frames.npz"}
     for i, record in enumerate(frames.records):
         if record.clean and record.clean not in names:
-            stem = PurePosixPath(record.clean.split("#")[0]).stem or "clean"
+            stem = PurePosixPath(split_name(record.clean)[0]).stem or "clean"
             numbered = (f"clean_{stem}_{n}.npy" for n in count(2))
             name = next(n for n in chain([f"{stem}.npy", f"clean_{stem}.npy"], numbered) if n not in taken)
             taken.add(name)

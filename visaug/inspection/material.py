@@ -13,6 +13,7 @@ import numpy as np
 
 from visaug.core.constants import MAD
 from visaug.core.errors import InputError
+from visaug.core.wording import counted
 from visaug.frames import FrameSet, Group
 from visaug.frames.stores import FileStore
 from visaug.frames.survey import survey
@@ -35,7 +36,7 @@ def load_pixels(path: str | Path, bit_depth: int | None = None) -> FrameSet:
             frames.shape(0)
         return frames
     except InputError as refused:
-        stacked = refused.problem.startswith("has shape")
+        stacked = refused.problem.startswith(("has shape", "does not describe its frames"))
         # Without a kind or an exposure a frame set cannot be measured, but can be looked at.
         if path.suffix.lower() == ".csv" or not (stacked or refused.field in ("exposure_s", "kind")):
             raise
@@ -199,7 +200,8 @@ def looks(
             by_shape.setdefault(told.shape(i), []).append(i)
         for shape, indices in by_shape.items():
             if min(shape) < least_side:
-                notes.append(f"small_frames: {len(indices)} frames of {shape[0]} x {shape[1]} are too small")
+                frames_of = counted(len(indices), "frame")
+                notes.append(f"small_frames: left out as too small: {frames_of} of {shape[0]} x {shape[1]}")
                 continue
             most = max(most_values // (shape[0] * shape[1]), 2)
             if len(indices) > most:

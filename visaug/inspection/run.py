@@ -275,11 +275,20 @@ def _more(groups: list[FrameGroup]) -> list[str]:
     return said
 
 
+def _is_read(path: Path) -> bool:
+    """Whether the measuring commands read what lies there as it is."""
+    try:
+        FrameSet.load(path).shape(0)
+    except InputError:
+        return False
+    return True
+
+
 def _next(frames: FrameSet, kinds: list[str]) -> str:
     """The command that follows: of a camera that can be measured, its parameters; else the table of its frames."""
     path = frames.loaded_from
     folder = str(path) if path else "FRAMES"
-    if set(kinds) <= {"image", "scene"} or not frames.is_pictures:
+    if (set(kinds) <= {"image", "scene"} or not frames.is_pictures) and (path is None or _is_read(path)):
         lit = set(kinds) - {"dark", "bias"}  # without light there is no gain, and no camera in electrons
         words = ("-o", "camera.yaml") if lit else ("--report", "characterization.html")
         return shlex.join(("visaug", "characterize", folder, *words))

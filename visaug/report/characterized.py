@@ -10,6 +10,7 @@ from visaug.report.next_step import Inputs, after_characterization
 from visaug.report.pages import described, next_text, unit_text
 
 if TYPE_CHECKING:
+    from visaug.camera import Camera
     from visaug.characterization import Characterization
     from visaug.frames import FrameSet
 
@@ -22,16 +23,21 @@ FACTS = (
 
 
 def write_characterization(
-    path: str | Path, result: "Characterization", frames: "FrameSet", camera_file: Path | None = None
+    path: str | Path,
+    result: "Characterization",
+    frames: "FrameSet",
+    camera_file: Path | None = None,
+    camera: "Camera | None" = None,
 ) -> Path:
     """Parameters with intervals, what stays open, and a plot of each measurement.
 
     Args:
         camera_file: where the measured camera was written.
+        camera: that was given beside the frames.
     """
     content = result.to_json()
     pictured = frames.is_pictures
-    inputs = replace(Inputs.of(None, frames, camera_file), transfer=result.transfer or "linear")
+    inputs = replace(Inputs.of(camera, frames, camera_file), transfer=result.transfer or "linear")
     pictures = [
         figure(drawn, CAPTIONS.get(name, name.replace("_", " ")), wide=drawn.get_figwidth() > 8)
         for name, drawn in result.plots().items()
@@ -42,8 +48,8 @@ def write_characterization(
     if not pictured or "gain_e_per_dn" in content["parameters"]:  # else there is no camera to write
         step = after_characterization(inputs, pictured, result.has_gain, result.base is not None)
         found.append(next_text(step))
-    first, *further = _parameter_tables(content["parameters"])
-    blocks: list[Block] = [first]
+    tables = _parameter_tables(content["parameters"])
+    blocks: list[Block] = [*tables[:1]]
     if rows := [[entry["parameter"], entry["needs"]] for entry in content["not_determined"]]:
         blocks.append(Table(["not determined", "needs"], rows, caption="Not determined by these frames."))
     blocks += [Text(warning, "note") for warning in content["warnings"]]
@@ -53,7 +59,7 @@ def write_characterization(
         Section("What was found", [*found, *pictures[:2]]),
         Section("Parameters", blocks),
         Section("Measurements", pictures[2:]),
-        Section("EMVA 1288", further),
+        Section("EMVA 1288", tables[1:]),
     ]
     page = Page(
         "Camera characterization",

@@ -115,9 +115,9 @@ def figure(
 
     buffer = io.BytesIO()
     # No date and fixed ids, so that the same data give the same bytes.
-    form: dict = {"format": "svg", "metadata": {"Date": None, "Creator": None}}
+    form: dict = {"format": "svg", "metadata": {"Date": None, "Creator": "visaug"}}
     if raster:
-        form = {"format": "png", "dpi": 140}
+        form = {"format": "png", "dpi": 140, "metadata": {"Software": "visaug"}}
     with mpl.rc_context({"svg.hashsalt": "visaug", "svg.fonttype": "path"}):
         drawn.savefig(buffer, **form, bbox_inches="tight", pad_inches=0.06)
     content = base64.b64encode(buffer.getvalue()).decode("ascii")

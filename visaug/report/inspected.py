@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from visaug.core.wording import number, with_interval
+from visaug.core.wording import counted, number, with_interval
 from visaug.report.html import Block, Page, Section, Table, Text, figure, footer, write_page
 from visaug.report.next_step import NextStep
 from visaug.report.pages import next_text
@@ -35,10 +35,10 @@ def write_inspection(path: str | Path, result: "Inspection") -> Path:
         *(Text(note, "note") for note in result.notes),
     ]
     sections.append(Section("What would tell more", told))
-    counts = ", ".join(f"{n} {kind}" for kind, n in result.kinds.items())
+    counts = ", ".join(counted(n, f"{kind} frame") for kind, n in result.kinds.items())
     page = Page(
         "Inspection",
-        f"{counts} frames; kinds by {result.kinds_from}. Sizes are standard deviations in DN, of a sine its peak.",
+        f"{counts}; kinds by {result.kinds_from}. Sizes are standard deviations in DN, of a sine its peak.",
         [section for section in sections if section.blocks],
         facts=[(with_size(f), f.what.replace("_", " ")) for f in result.findings[:4]],
         footer=footer(None, result.frames),
@@ -73,15 +73,18 @@ def with_size(finding: "Finding") -> str:
 def measured_texts(result: "Inspection") -> list[str]:
     """What was measured of each group of frames, one sentence each; first of all the bits."""
     stated = "" if result.bits_stated else "at least "
-    moved = f", moved up by {result.shift} bits in the files" if result.shift else ""
-    lines = [f"{len(result.frames)} frames, kinds by {result.kinds_from}; {stated}{result.bits} bits{moved}."]
+    moved = f", moved up by {counted(result.shift, 'bit')} in the files" if result.shift else ""
+    count = counted(len(result.frames), "frame")
+    lines = [f"{count}, kinds by {result.kinds_from}; {stated}{counted(result.bits, 'bit')}{moved}."]
     for m in result.measured:
         noise = pattern = ""
         if m.temporal_noise_dn and m.pixel_pattern_dn:
             t, p = m.temporal_noise_dn, m.pixel_pattern_dn
             noise = f", temporal noise {with_interval(t['value'], t['low'], t['high'], 'DN')} ({m.law})"
             pattern = f", pixel pattern {with_interval(p['value'], p['low'], p['high'], 'DN')}"
-        lines.append(f"{m.frames} {m.kind} frames: level {number(m.level_dn)} DN{noise}{pattern}.")
+        lines.append(
+            f"{counted(m.frames, f'{m.kind} frame')}: level {number(m.level_dn)} DN{noise}{pattern}."
+        )
     return lines
 
 

@@ -93,9 +93,18 @@ def write_comparison(
         ],
         footer=footer(camera, frames, seed),
     )
-    folder = write_page(path, page).with_suffix("")
-    folder = folder.with_name(f"{folder.name}_pictures")
+    folder = _pictures_folder(write_page(path, page))
     return {name: picture.save(folder / name) for name, picture in pictures.items()}
+
+
+def possible_pictures(path: Path) -> list[Path]:
+    """The files that `write_comparison` may write beside its page."""
+    folder = _pictures_folder(path)
+    return [folder / f"{name}{suffix}" for name in all_views() for suffix in (".svg", ".png")]
+
+
+def _pictures_folder(path: Path) -> Path:
+    return path.with_name(f"{path.stem}_pictures")
 
 
 def write_picture_comparison(path: str | Path, result: "PictureComparison") -> Path:

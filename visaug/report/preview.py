@@ -25,7 +25,7 @@ def write_preview(
     force: bool = False,
     **options: Any,
 ) -> str:
-    """Write the sheet, a PNG; returns the transfer function that the picture was taken to have, in words.
+    """Write the sheet, a PNG; returns the transfer function that the picture was taken to have, and what was clipped, in words.
 
     An earlier sheet is replaced.
 
@@ -67,6 +67,8 @@ def write_preview(
     chosen = options.get("transfer", "auto")
     kind, reason = (chosen, "as given") if chosen != "auto" else (image.transfer, image.reason)
     transfer = f"{WORDS[kind]} ({reason})"
+    if image.pixels.dtype.kind == "f" and ((image.light < 0) | (image.light > 1)).any():
+        transfer += ", values outside [0, 1] clipped"
     title = (
         f"{printable(picture.name)}, taken as {transfer}: the middle at 1:1 and a part at 4x.\n"
         "Noise: standard deviation in 8-bit levels (0 to 255). (chosen): so that the noise is visible"

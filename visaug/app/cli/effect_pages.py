@@ -102,6 +102,8 @@ def write_new(name: str, output: Path | None) -> Path:
     if name in catalogue():
         raise InputError(f"{name!r} is an effect of the catalogue", field="NAME", expected="another name")
     output = output or Path(f"{name}.py")
+    if output.suffix != ".py":
+        raise InputError("is no name of a Python file", file=output, expected="a name that ends in .py")
     if output.exists():
         raise InputError("already exists", file=output, expected="a new file; choose one with -o")
     class_name = "".join(part.capitalize() for part in name.split("_"))
@@ -124,12 +126,12 @@ def check_file(file: Path) -> None:
         raise InputError(problem, file=file, expected="effects that keep them all")
 
 
-def find(name: str) -> type[Effect]:
+def find(name: str, field: str = "NAME") -> type[Effect]:
     effects = catalogue()
     if name in effects:
         return effects[name]
     problem = f"{name!r} is not an effect of the catalogue" + did_you_mean(name, effects)
-    raise InputError(problem, field="NAME", expected="a name that `visaug effects` lists")
+    raise InputError(problem, field=field, expected="a name that `visaug effects` lists")
 
 
 def _range(parameter: Parameter) -> str:

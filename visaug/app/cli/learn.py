@@ -11,7 +11,7 @@ from visaug.core.errors import InputError
 from visaug.core.extras import extra
 from visaug.core.progress import progress_bars
 
-config_argument = click.argument("config_path", metavar="CONFIG", type=click.Path(path_type=Path))
+config_argument = click.argument("config_path", metavar="CONFIG", type=cli.PATH)
 
 arm_option = click.option("--arm", metavar="NAME", help="Arm of CONFIG; the last one by default.")
 keypoints_option = click.option(
@@ -28,6 +28,7 @@ keypoints_option = click.option(
 @cli.flag("--full", "The longer study: three arms trained from nothing, four test sets.")
 def demo(output: Path, full: bool, seed: int) -> None:
     """Diagnose a camera, train with its noise, evaluate and report, on rendered data. If interrupted, the same command resumes."""
+    cli.may_replace(output / "report.html", force=False, expected="another folder")
     with extra(), progress_bars() as progress:
         from visaug_train.demo import run_demo
 
@@ -42,7 +43,7 @@ def demo(output: Path, full: bool, seed: int) -> None:
     example="visaug prepare speedplusv2.zip -o datasets/speedplus\n"
     "visaug prepare speed.zip -o datasets/speed --coco --size 640x400\nvisaug prepare datasets/speed",
 )
-@click.argument("archive", metavar="ARCHIVE", type=click.Path(path_type=Path))
+@click.argument("archive", metavar="ARCHIVE", type=cli.PATH)
 @cli.output_option(
     "DIR",
     "Folder of the dataset, required for an archive. A folder is used where it lies: there, DIR only names what --coco and "
@@ -99,7 +100,7 @@ def run(what: str, config_path: Path, seed: int, **more: Any) -> None:
     "visaug evaluate configs/speed.yaml --data speed/ --domain real_test --poses submission.csv\n"
     "visaug evaluate configs/demo.yaml --arm vis --severity sony_imx174 -o severity/",
 )
-@click.argument("config_path", metavar="[CONFIG]", required=False, type=click.Path(path_type=Path))
+@click.argument("config_path", metavar="[CONFIG]", required=False, type=cli.PATH)
 @cli.path_option(
     "--predictions",
     "P",

@@ -99,6 +99,10 @@ def characterize(
             cli.may_write(maps_path / file, force)
     camera = cli.load_camera(camera_name) if camera_name else None
     frames = cli.load_frames(frames_path, camera.resolution if camera else None, bit_depth, quiet)
+    for option, given in (("--method", method == "paper"), ("--maps", maps_path), ("--sheet", sheets)):
+        if given and frames.is_pictures:
+            problem, expected = "FRAMES are ordinary pictures", "bias, dark or flat frames"
+            raise InputError(problem, field=option, expected=expected)
     with progress_bars(quiet=quiet) as progress:
         progress("characterizing", 0, 1)
         result = visaug.characterize(frames, camera, seed=seed, method=method)
@@ -107,27 +111,33 @@ def characterize(
     if not silent:
         noiseless = result.is_noiseless
         summaries.print_characterization(result.to_json(), str(output) if output and not noiseless else None)
-    # The measurements are written before the camera, because writing a camera fails where none was determined.
     cli.write_result(json_path, result.to_json())
+    no_camera: InputError | None = None
     if output and result.is_noiseless:
         click.echo("no sensor noise found: no camera is written", err=silent)
         output = None
-    if output:
-        result.save_camera(output, maps_path if use_maps else None)
-    if maps_path:
-        result.save_maps(maps_path)
+    elif output:
+        try:
+            result.save_camera(output, maps_path if use_maps else None)
+        except InputError as mistake:  # what was measured is written all the same
+            no_camera, output = mistake, None
+    if maps_path and not result.save_maps(maps_path):
+        click.echo("no map is written: the frames determine none; two or more bias frames do", err=True)
+        maps_path = None
     if report_path:
         from visaug.report import write_characterization
 
-        write_characterization(report_path, result, frames, output)
+        write_characterization(report_path, result, frames, output, camera)
     if sheets:
         _write_sheets(sheets, frames, camera, seed, quiet)
     if not silent:
         cli.written(output, maps_path, json_path, report_path, *sheets)
-        if not frames.is_pictures or "gain_e_per_dn" in result.parameters:
+        if no_camera is None and (not frames.is_pictures or "gain_e_per_dn" in result.parameters):
             inputs = replace(Inputs.of(camera, frames, output), transfer=result.transfer or "linear")
             step = after_characterization(inputs, frames.is_pictures, result.has_gain, camera is not None)
             summaries.print_next(step)
+    if no_camera is not None:
+        raise no_camera
 
 
 def _write_sheets(
@@ -169,7 +179,7 @@ def compare(
     target: Path | None,
     transfer: Literal["linear", "srgb"],
     bit_depth: int | None,
-    force: bool,  # read by the options
+    force: bool,
     json_path: Path | None,
     report_path: Path | None,
     quiet: bool,
@@ -185,6 +195,11 @@ def compare(
 
     if target is None and camera_name is None:
         raise InputError("is missing", field="--camera", expected="a camera, or --target PICTURES")
+    if target is None and report_path:
+        from visaug.report.pages import possible_pictures
+
+        for file in possible_pictures(report_path):
+            cli.may_replace(file, force)
     camera = cli.load_camera(camera_name) if camera_name else None
     silent = cli.is_silent(quiet, json_path)
     pictures: dict[str, Path] = {}
@@ -300,9 +315,11 @@ def diagnose(
             raise InputError("there is no camera", field="--unexplained", expected="-o beside it")
         cli.may_write(file_beside(output), force)
     for name in without:
-        find(name)
+        find(name, "--without")
     camera = cli.load_camera(camera_name)
     frames = cli.load_frames(frames_path, camera.resolution, bit_depth, quiet)
+    if scenes and not frames.is_pictures:
+        raise InputError("FRAMES are no ordinary pictures", field="--scenes", expected="no --scenes")
     with progress_bars(single=True, quiet=quiet) as progress, _warning_of_renders(json_path):
         how = {"seed": seed, "progress": progress, "cluster": cluster, "transfer": transfer, "scenes": scenes}
         result = visaug.diagnose(camera, frames, effects=list(effects), without=list(without), **how)

@@ -22,6 +22,18 @@ Decorator = Callable[[Callable], Callable]
 STANDARD_OUTPUT = Path("-")
 
 
+class _Path(click.Path):
+    """A path, but not the empty one that an unset variable of the shell gives, which would be the current folder."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if value == "":
+            self.fail("the name is empty", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+PATH = _Path(path_type=Path)
+
+
 class _Command(click.Command):
     """A command whose `--effects` takes several files: `--effects a.py b.py`."""
 
@@ -31,20 +43,23 @@ class _Command(click.Command):
         for word in args:
             if taking and word.endswith(".py") and spread[-1] != "--effects":
                 spread.append("--effects")
-            taking = word == "--effects" or (taking and word.endswith(".py"))
+            taking = word.startswith("--effects=") or word == "--effects" or (taking and word.endswith(".py"))
             spread.append(word)
         rest = super().parse_args(ctx, spread)
-        _check_distinct(ctx)
+        _check_places(ctx)
         return rest
 
 
-def _check_distinct(context: click.Context) -> None:
-    """Refuse two options that write one file, of which only the last would stay."""
-    writes = ("output", "json_path", "report_path", "defects_path", "sheets")
+def _check_places(context: click.Context) -> None:
+    """Refuse two options that write one file, of which only the last would stay, and a file that is called `-`."""
+    writes = ("output", "json_path", "report_path", "defects_path", "maps_path", "poses_csv", "sheets")
     seen: dict[Path, str] = {}
     for option in context.command.params:
         given = context.params.get(option.name or "") if option.name in writes else None
         for path in given if isinstance(given, tuple) else (given,):
+            if path == STANDARD_OUTPUT and option.name != "json_path":
+                expected = "a name; --json alone writes to standard output"
+                raise InputError("'-' is not a name", field=option.opts[0], expected=expected)
             if path is None or path == STANDARD_OUTPUT or (path.exists() and not path.is_file()):
                 continue
             other = seen.setdefault(path.resolve(), option.opts[0])
@@ -66,7 +81,8 @@ def choice_option(name: str, choices: Sequence[str], text: str) -> Decorator:
 def command(name: str, *, example: str) -> Callable[[Callable], click.Command]:
     """A command with `--seed` and an example under its help."""
     epilog = "\b\nExample:\n  " + example.replace("\n", "\n  ")
-    seeded = option_with_default("--seed", click.IntRange(min=0), 0, "Seed of all random numbers.")
+    seeds = click.IntRange(0, 2**63 - 1)  # what torch takes
+    seeded = option_with_default("--seed", seeds, 0, "Seed of all random numbers.")
     return lambda function: click.command(name, cls=_Command, epilog=epilog)(seeded(function))
 
 
@@ -104,14 +120,14 @@ def flag(names: str, text: str, **more: Any) -> Decorator:
 
 def path_option(names: str, metavar: str, text: str, **more: Any) -> Decorator:
     """An option that takes a path."""
-    return option(names, metavar, text, type=click.Path(path_type=Path), **more)
+    return option(names, metavar, text, type=PATH, **more)
 
 
 def output_option(metavar: str, text: str, **more: Any) -> Decorator:
     return path_option("-o --output output", metavar, text, **more)
 
 
-frames_argument = click.argument("frames_path", metavar="FRAMES", type=click.Path(path_type=Path))
+frames_argument = click.argument("frames_path", metavar="FRAMES", type=PATH)
 force_option = click.option("--force", is_flag=True, is_eager=True, help="Overwrite existing files.")
 json_option = path_option(
     "--json json_path",
@@ -166,11 +182,13 @@ def may_write(path: Path | None, force: bool) -> None:
     if path is None:
         return
     check_place(path)
-    if path.exists() and not force:
+    if path.is_file() and not force:
         raise InputError("already exists", file=path, expected="another name, or --force to overwrite it")
 
 
-def may_replace(path: Path | None, force: bool) -> None:
+def may_replace(
+    path: Path | None, force: bool, expected: str = "another name, or --force to replace it"
+) -> None:
     """Refuse, before any work, a place where no file can be, and to replace a file that is no result of visaug.
 
     Its own results are made anew.
@@ -179,7 +197,6 @@ def may_replace(path: Path | None, force: bool) -> None:
         return
     check_place(path)
     if path.is_file() and not force and not is_result(path):
-        expected = "another name, or --force to replace it"
         raise InputError("exists, and visaug did not write it", file=path, expected=expected)
 
 
@@ -243,4 +260,7 @@ def print_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     for row in rows:
         table.add_row(*(Text(printable(cell)) for cell in row))  # no markup in a cell
     terminal = Console()
-    (terminal if terminal.is_terminal else Console(width=240)).print(table)
+    console = terminal if terminal.is_terminal else Console(width=240)
+    with console.capture() as written:  # rich itself ends the program with status 1 where the reader has left
+        console.print(table)
+    click.echo(written.get(), nl=False)

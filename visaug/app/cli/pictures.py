@@ -66,7 +66,7 @@ light_options = cli.all_of(
 @cli.command(
     "augment", example="visaug augment photos/ portrait.tif -o noisy/ --camera sony_imx174 --gain-db 0:24"
 )
-@click.argument("inputs", metavar="IN...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("inputs", metavar="IN...", nargs=-1, required=True, type=cli.PATH)
 @cli.output_option("OUT", "Folder for the copies.", required=True)
 @cli.camera_option(if_repeated="If repeated, one is drawn for each picture.")
 @light_options
@@ -123,7 +123,7 @@ def augment(inputs: tuple[Path, ...], output: Path, camera_names: tuple[str, ...
 @cli.command(
     "preview", example="visaug preview photo.jpg --camera sony_imx174 --camera canon_5d4_iso800 -o sheet.png"
 )
-@click.argument("picture", metavar="IMAGE", type=click.Path(path_type=Path))
+@click.argument("picture", metavar="IMAGE", type=cli.PATH)
 @cli.camera_option(if_repeated="If repeated, the sheet shows each.")
 @light_options
 @cli.output_option("sheet.png", "Write the contact sheet; an earlier sheet is replaced.", required=True)
@@ -145,7 +145,7 @@ def preview(picture: Path, camera_names: tuple[str, ...], output: Path, **option
     "example",
     example="visaug example example/\nvisaug preview example/render.png --camera sony_imx174 -o sheet.png",
 )
-@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+@click.argument("folder", metavar="DIR", type=cli.PATH)
 def example(folder: Path, seed: int) -> None:
     """Copy example data into DIR, a new or empty folder.
 

@@ -4,6 +4,7 @@ import gc
 import io
 import logging
 import os
+import re
 import signal
 import sys
 import threading
@@ -17,7 +18,23 @@ from visaug.core.errors import InputError, NoSensorNoise, PartlyFailed, describe
 from visaug.core.wording import printable
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+class _Program(click.Group):
+    """Ends with status 0 where the reader of the output has left, as `head` does; click itself would give 1."""
+
+    def invoke(self, ctx: click.Context) -> object:
+        try:
+            result = super().invoke(ctx)
+            if sys.stdout is not None:  # as it is where the output is closed
+                sys.stdout.flush()
+        except BrokenPipeError:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            for stream in (sys.stdout, sys.stderr):  # which are flushed at the end
+                os.dup2(nowhere, stream.fileno())
+            sys.exit(0)
+        return result
+
+
+@click.group(cls=_Program, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="visaug")
 def program() -> None:
     """Physical image-sensor noise: augment images, characterize a camera, find effects that its model lacks.
@@ -74,9 +91,6 @@ def main(arguments: list[str] | None = None) -> None:
         json_out = {"-", "--json=-"} & set(sys.argv if arguments is None else arguments)
         click.echo(str(none), err=bool(json_out))  # standard output is left to JSON
         sys.exit(0)
-    except BrokenPipeError:
-        sys.stderr.close()
-        sys.exit(0)
     except (InputError, OSError, MemoryError) as mistake:
         click.echo(f"visaug: {one_line(mistake)}", err=True)
         sys.exit(2)
@@ -95,8 +109,8 @@ def said(mistake: click.ClickException) -> str:
     text = " ".join(mistake.format_message().split()).rstrip(".")
     if isinstance(mistake, click.MissingParameter) and "--camera" in getattr(mistake.param, "opts", ()):
         text = "--camera is missing; expected for example --camera sony_imx174 (`visaug cameras` lists all)"
-    text = text.replace("is not a valid integer range", "is not a whole number")
-    text = text.replace("is not a valid float range", "is not a number")
+    text = re.sub(r"is not a valid integer( range)?", "is not a whole number", text)
+    text = re.sub(r"is not a valid float( range)?", "is not a number", text)
     context = getattr(mistake, "ctx", None)
     return printable(f"{text}; see `{context.command_path} --help`" if context else text)
 

@@ -16,7 +16,7 @@ from visaug.core.progress import progress_bars
     "simulate",
     example="visaug plan -o frames.csv\nvisaug simulate frames.csv --camera sony_imx174 -o frames/",
 )
-@click.argument("plan_path", metavar="PLAN", type=click.Path(path_type=Path))
+@click.argument("plan_path", metavar="PLAN", type=cli.PATH)
 @cli.camera_option()
 @cli.effects_option()
 @cli.output_option("DIR", "Folder for the frames, frames.csv and camera.yaml.", required=True)
@@ -29,10 +29,11 @@ def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed:
     """
     from visaug.camera.simulation import simulate, with_chart
     from visaug.frames import FrameSet
-    from visaug.frames.writers import places
+    from visaug.frames.writers import check_output, places
 
     if output.is_dir() and any(output.iterdir()) and not force:
         raise InputError("already exists", file=output, expected="another name, or --force to overwrite it")
+    check_output(output)
     camera = cli.load_camera(camera_name)
     plan = with_chart(camera, FrameSet.load(plan_path, resolution=camera.resolution))
     places(plan.records)
@@ -113,7 +114,8 @@ def plan(
     for option in ("dark_exposures_s", "levels", "temperatures_c", "gains_db"):  # lists
         if (text := given[option]) is not None:
             name = "--" + option.removesuffix("_s").removesuffix("_c").replace("_", "-")
-            given[option] = (None,) if text == "none" else cli.numbers(text, name)
+            unknown = text == "none" and option == "temperatures_c"
+            given[option] = (None,) if unknown else cli.numbers(text, name)
     options.update({name: value for name, value in given.items() if value is not None})
     groups = plan_groups(**options)
     click.echo(describe_plan(groups))
@@ -126,7 +128,7 @@ def plan(
 @cli.command(
     "frames", example="visaug frames measured/ -o measured/frames.csv --bit-depth 12 --temperature 20"
 )
-@click.argument("folder", metavar="FOLDER", type=click.Path(path_type=Path))
+@click.argument("folder", metavar="FOLDER", type=cli.PATH)
 @cli.bit_depth_option
 @cli.option(
     "--exposure exposure_s", "S", "Exposure time of files that do not state it, in seconds.", type=float
@@ -186,6 +188,8 @@ def effects(words: tuple[str, ...], search: str | None, output: Path | None, see
     """
     from visaug.app.cli import effect_pages
 
+    if output is not None and words[:1] != ("new",):
+        raise InputError("goes with `new`", field="--output", expected="visaug effects new NAME -o FILE.py")
     match words:
         case ():
             effect_pages.print_catalogue(search or "")
