@@ -10,7 +10,7 @@ import pytest
 
 from benchmark.camera import Shot
 from tests.diagnosis.small import frame_set, stated_camera
-from visaug import FrameSet, characterize, compare
+from visaug import FrameSet, InputError, characterize, compare, diagnose
 from visaug.characterization.usable import usable
 from visaug.diagnosis.laboratory import Laboratory
 
@@ -125,3 +125,19 @@ def test_averaged_frames_and_other_settings_are_left_out(frames):
     one, other = (compare(stated_camera(), some) for some in (frames, mixed))
     np.testing.assert_array_equal(one.measured, other.measured)
     assert {w.split(":")[0] for w in other.warnings} >= {"settings_mixed", "master_frame"}
+
+
+@pytest.mark.parametrize("value", [0, 100, 4095])
+def test_frames_of_one_value_are_refused(frames, value):
+    """Saturated frames, and frames of a program, have no noise to compare."""
+    images = [np.full(frames.shape(i), value, np.uint16) for i in range(len(frames))]
+    flat = FrameSet.from_arrays(frames.records, images, bit_depth=12)
+    with pytest.raises(InputError, match="each holds one value in all its pixels"):
+        diagnose(stated_camera(), flat)
+
+
+def test_one_frame_cannot_be_split(frames):
+    with pytest.raises(
+        InputError, match="1 frame cannot be split into frames that find and frames that confirm"
+    ):
+        diagnose(stated_camera(), frames.subset([0]), without="row_noise")

@@ -190,3 +190,9 @@ def test_same_on_the_gpu(effect):
     # A count or a threshold may fall to the other side of a step in a pixel of a thousand.
     equal = torch.isclose(on_cpu, on_gpu, rtol=1e-5, atol=1e-3)
     assert equal.double().mean() > 0.999
+
+
+@pytest.mark.parametrize("given", ["row_noise", None, 3])
+def test_only_classes_of_effects_are_checked(given):
+    with pytest.raises(InputError, match="is no class of an effect"):
+        check_effect(given)

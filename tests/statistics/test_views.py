@@ -6,6 +6,7 @@ import pytest
 from visaug.frames import FrameRecord, FrameSet
 from visaug.statistics import VIEWS, FrameData, fingerprint
 from visaug.statistics.reduction import without_lone_pixels
+from visaug.statistics.views.drawn import spectrum_marks
 from visaug.statistics.views.scene import _Key, _shift, _target
 from visaug.statistics.views.spectrum import peak_frequency, power
 
@@ -284,3 +285,9 @@ def test_what_a_frame_keeps_is_measured_without_dark_frames():
     clean = {"scene.npy": scene.astype(np.float32)}
     found = fingerprint(FrameSet.from_arrays(records, [f.astype(np.float32) for f in frames], clean))
     assert found["memory/slope on a bright scene before/bias"] == pytest.approx(0.1 * 3 / 4, abs=0.003)
+
+
+@pytest.mark.parametrize("name", ["columns, band 2", "columns, band 2, flat 3000 ph 20 C"])
+def test_a_band_is_marked_whatever_follows_its_name(name):
+    ((low, high),) = spectrum_marks(name, np.array([0, 4, 10]), 100, 0.1)
+    assert (low, high) == pytest.approx((0.005 * 4.5, 0.005 * 10.5))

@@ -176,7 +176,10 @@ def before_frames(camera: Camera, names: Sequence[str], report: Report) -> list[
     for name in names:
         if name not in strong:
             expected = f"one of {', '.join(sorted(strong))}"
-            problem = f"{name} is not an effect that {camera.name} lacks" + did_you_mean(name, strong)
+            if name in camera.effect_names:
+                problem = f"{camera.name} has {name} already"
+            else:
+                problem = f"{name} is not an effect that is tried" + did_you_mean(name, strong)
             raise InputError(problem, field="--for", expected=expected)
     planned = Planned(camera, report)
     apart = dict(zip(strong, planned.apart([t.on(camera) for t in strong.values()], 2), strict=True))
@@ -213,7 +216,7 @@ def least_of_events(frames: FrameSet, path: str, unit: str) -> float:
         places = 1e-6 * rows * columns * sum(r.exposure_s for r in frames.records)
     elif unit == "share of codes":
         places = len(set().union(*(np.unique(frames.read(i)).tolist() for i in range(len(frames)))))
-    return float(-np.log(1 - POWER) / places)
+    return float(-np.log(1 - POWER) / places) if places else np.inf
 
 
 def _weakest_shown(

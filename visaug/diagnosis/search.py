@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from visaug.camera import Camera
@@ -15,6 +16,7 @@ from visaug.core.cluster import connected
 from visaug.core.errors import InputError
 from visaug.core.nearest import did_you_mean
 from visaug.core.progress import beside
+from visaug.core.wording import counted
 from visaug.diagnosis.adding import SETS_AFTER, Adding
 from visaug.diagnosis.camera_file import corrected
 from visaug.diagnosis.candidates.selection import candidates
@@ -52,8 +54,8 @@ STANDS_OUT = 30.0  # deviation, in standard deviations, above which a second sta
 def diagnose(
     camera: Camera | str | Path,
     frames: FrameSet | str | Path,
-    effects: Sequence[str | Path] = (),
-    without: Sequence[str] = (),
+    effects: Sequence[str | Path] | str | Path = (),
+    without: Sequence[str] | str = (),
     seed: int = 0,
     progress: Callable[[str, int, int], None] | None = None,
     sets: int = SETS,
@@ -90,6 +92,8 @@ def diagnose(
         >>> result.accepted  # doctest: +SKIP
         ('row_noise',)
     """
+    effects = (effects,) if isinstance(effects, str | Path) else effects
+    without = (without,) if isinstance(without, str) else without
     for file in effects:
         load_file(file)
     if sets < FEWEST:
@@ -114,6 +118,7 @@ def diagnose(
     with one_thread, nullcontext() if cluster is None else connected(cluster) as ray:
         spread = None if cluster is None else by_ray(ray)
         lab = Laboratory(frames, camera, seed, spread=spread, report=report, **of_pictures)
+        check_usable(lab)
         right, mistakes = corrected(camera, frames, lab)
         if mistakes:
             lab = Laboratory(frames, right, seed, spread=spread, report=report)
@@ -134,7 +139,6 @@ def diagnosed(
     Args:
         most: largest number of steps that add an effect.
     """
-    check_split(lab)
     setting, plain, test = tested(lab, camera, without, report, sets)
     history: History = (SearchStage(plain, test.p_value, setting.errors.told(plain.fitted)),)
     nearest: str | None = None
@@ -149,11 +153,15 @@ def diagnosed(
     return outcome(setting, history, nearest)
 
 
-def check_split(lab: Laboratory) -> None:
-    """Raises InputError where the frames are too few for a split."""
+def check_usable(lab: Laboratory) -> None:
+    """Raises InputError where the frames are too few for a split, or each holds one value in all its pixels."""
     if len(lab.folds.find) < 2:
         expected = "at least 4 under some conditions"
-        raise InputError(f"{len(lab.frames)} frames are too few", field="frames", expected=expected)
+        problem = f"{counted(len(lab.frames), 'frame')} cannot be split into frames that find and frames that confirm"
+        raise InputError(problem, field="frames", expected=expected)
+    if not any(np.ptp(lab.frames.read(i)) for i in range(len(lab.frames))):
+        problem = "each holds one value in all its pixels: it has no noise, or is saturated"
+        raise InputError(problem, field="frames", expected="frames as the camera gives them")
 
 
 def tested(

@@ -141,7 +141,7 @@ def compare_pictures(
     say = progress or (lambda *_: None)
     warnings: list[str] = []
     sets, parts = [], []
-    for k, (name, frames) in enumerate((("PICTURES", renders), ("--target", target))):
+    for k, (name, frames) in enumerate((("FRAMES", renders), ("--target", target))):
         say("reading pictures", k, 2)
         one = _prepared(name, frames, seed, warnings)
         if camera is not None and k == 0:

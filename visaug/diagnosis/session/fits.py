@@ -15,7 +15,7 @@ from visaug.diagnosis.fitting.reference import Reference, Report, make_reference
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.response import with_responses
 from visaug.diagnosis.result import estimates
-from visaug.diagnosis.search import SETS, check_split, given_reference
+from visaug.diagnosis.search import SETS, check_usable, given_reference
 from visaug.diagnosis.state import State
 from visaug.effects import catalogue
 from visaug.frames import FrameSet
@@ -66,7 +66,7 @@ class Fits:
     def __init__(self, given: Camera, frames: FrameSet, seed: int = 0, sets: int = SETS):
         self.given, self.sets = given, sets
         self.lab = Laboratory(frames, given, seed)
-        check_split(self.lab)
+        check_usable(self.lab)
         self._references: dict[Names, Reference] = {}
         self._states: dict[tuple[Names, Names], State] = {}
         self._given: Reference | None = None  # its sets alone, where nothing was fitted yet

@@ -8,6 +8,7 @@ from visaug.camera import Camera
 from visaug.camera.paths import path_of
 from visaug.characterization.usable import usable
 from visaug.core.errors import InputError
+from visaug.core.nearest import did_you_mean
 from visaug.diagnosis.comparison import Comparison, compare
 from visaug.diagnosis.result import Diagnosis, Step
 from visaug.diagnosis.search import SETS, diagnose
@@ -214,9 +215,8 @@ class Session:
 
     def _check(self, name: str) -> None:
         if name not in self.can_add():
-            raise InputError(
-                f"{name} cannot be added", field="add", expected="an effect that the camera lacks"
-            )
+            problem = f"{name} cannot be added" + did_you_mean(name, self.can_add())
+            raise InputError(problem, field="add", expected="an effect that the camera lacks")
 
     def _set(self, without: Names, added: Names) -> None:
         self.compare()

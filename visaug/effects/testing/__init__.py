@@ -53,6 +53,10 @@ def check_effect(effect: type[Effect]) -> None:
         >>> import visaug
         >>> check_effect(visaug.effects.RowNoise)
     """
+    if not (isinstance(effect, type) and issubclass(effect, Effect)):
+        raise InputError(
+            f"{effect!r} is no class of an effect", expected="for example visaug.effects.RowNoise"
+        )
     broken = broken_laws(effect)
     if broken:
         raise InputError(

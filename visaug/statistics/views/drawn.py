@@ -69,8 +69,8 @@ def correlation(images: np.ndarray, step: tuple[int, int], label: str) -> Curve:
 def spectrum_marks(name: str, edges: np.ndarray, length: int, at_peak: float) -> tuple[Span, ...]:
     """The frequencies, in cycles per line, that a statistic of a spectrum is about."""
     step = 0.5 / length
-    if "band " in name:
-        band = int(name.rsplit(" ", 1)[1])
+    if found := re.search(r"band (\d+)", name):  # the frames may follow
+        band = int(found[1])
         if band < len(edges):
             return ((step * (edges[band - 1] + 0.5), step * (edges[band] + 0.5)),)
         return ()
