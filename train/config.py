@@ -230,10 +230,9 @@ def check_config(content: Any, path: Path | None = None) -> Config:
         problem = problems.get(first["type"], first["msg"])
         if first["type"] == "extra_forbidden":
             parts = (Config, Data, RenderSettings, Source, Start, Hidden, MadeCamera, Cluster, Arm, Vis)
-            known = sorted({key for part in parts for key in part.model_fields})
-            problem += did_you_mean(
-                str(first["loc"][-1]), [name for name in known if name != first["loc"][-1]]
-            )
+            own = str(first["loc"][-1])  # known elsewhere, where it is a key of another part
+            known = sorted({key for part in parts for key in part.model_fields} - {own})
+            problem += did_you_mean(own, known)
         raise InputError(problem, file=path, field=key) from None
     arguments = {"training": config.training}
     arguments |= {"start.training": config.start.training} if config.start else {}

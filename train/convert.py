@@ -104,11 +104,8 @@ def _check_names(part: str, poses: PoseSet) -> None:
     for file, name in zip(poses.files, poses.ids):
         other = first.setdefault(Path(name.replace("/", "-")).stem, file)
         if other is not file:
-            problem, expected = (
-                f"would have the label of {other} in {part}",
-                "names that differ before the suffix",
-            )
-            raise InputError(problem, file=file, expected=expected)
+            problem = f"would have the label of {other} in {part}"
+            raise InputError(problem, file=file, expected="names that differ before the suffix")
 
 
 def label_lines(poses: PoseSet, keypoints: Keypoints) -> list[str]:

@@ -86,6 +86,13 @@ def test_the_start_is_that_of_an_arm_or_of_none():
         check_config(minimal(start={"epochs": 2, "like": "none"}))
 
 
+def test_a_key_of_another_part_is_not_suggested_for_itself():
+    """`resolution` is a key of a camera, and of a rendering."""
+    with pytest.raises(InputError, match="resolution: is not a key of a config") as refused:
+        check_config(minimal(resolution=[64, 64]))
+    assert "did you mean resolution?" not in str(refused.value)
+
+
 def test_missing_file_is_one_line(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         load_config(tmp_path / "none.yaml")

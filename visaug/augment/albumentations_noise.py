@@ -66,9 +66,8 @@ class AlbumentationsNoise(albumentations.ImageOnlyTransform):
         functions = [(self._key2func.get(key), value) for key, value in kwargs.items() if value is not None]
         frames = sum(len(value) for function, value in functions if function == self.apply_to_images)
         several = frames + sum(function == self.apply for function, _ in functions) > 1
-        draws = draws_from_json(
-            params["draws"]
-        )  # all images of this call share a camera and its fixed pattern
+        # all images of this call share a camera and its fixed pattern
+        draws = draws_from_json(params["draws"])
         each = (nth_frame(draws, number) for number in count()) if several else repeat(draws)
         return super().apply_with_params({**params, "each": each}, *args, **kwargs)
 

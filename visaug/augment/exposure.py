@@ -47,11 +47,8 @@ def check_images(images: Any) -> Tensor:
 def check_pixels(shape: Sequence[int]) -> None:
     """Raises InputError where images of a shape (..., C, H, W), or (H, W), have no pixels, or their channels last."""
     if len(shape) > 2 and shape[-3] > MOST_COLOURS + 1 and shape[-1] in (1, 3, 4):
-        problem, expected = (
-            f"has shape {tuple(shape)}, channels last",
-            "(..., C, H, W): image.movedim(-1, -3)",
-        )
-        raise InputError(problem, field="images", expected=expected)
+        problem = f"has shape {tuple(shape)}, channels last"
+        raise InputError(problem, field="images", expected="(..., C, H, W): image.movedim(-1, -3)")
     if 0 in shape[-3:]:
         raise InputError(f"has shape {tuple(shape)}, no pixels", field="images", expected="one pixel or more")
 

@@ -190,9 +190,8 @@ class SensorNoise(nn.Module):
         for which, random in enumerate(self._spreads):
             uniform = torch.rand(number, len(random.paths), dtype=torch.float64, generator=source)
             for path, value in random.values(uniform).items():
-                if (
-                    len(self.cameras) > 1
-                ):  # images of other cameras have those cameras' own value, drawn or not
+                if len(self.cameras) > 1:
+                    # images of other cameras have those cameras' own value, drawn or not
                     other = draws.get(path, self._nominal[path][draws["camera"]])
                     value = torch.where(draws["camera"] == which, value, other)
                 draws[path] = value

@@ -91,9 +91,8 @@ def _pixels(path: Path, size: tuple[int, int], depth: int, colour_type: int) -> 
         if colour_type == ColourType.PALETTE:
             image = image.convert("RGBA" if see_through else "RGB")
         elif depth < 8:
-            if (
-                see_through and depth > 1
-            ):  # Pillow scales the pixels to 8 bit, but not the level that is transparent
+            if see_through and depth > 1:
+                # Pillow scales the pixels to 8 bit, but not the level that is transparent
                 image.info["transparency"] *= 255 // (2**depth - 1)
             image = image.convert("LA" if see_through else "L")
         return three_axes(np.asarray(image))
