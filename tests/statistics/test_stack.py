@@ -32,14 +32,14 @@ def noise_of(frames: np.ndarray) -> np.ndarray:
 
 
 def of_stack(frames: np.ndarray) -> Noise:
-    return Noise([Stack(lambda: frames)])
+    return Noise([Stack(frames)])
 
 
 def of_two(frames: np.ndarray) -> Noise:
     """The same frames as two stacks, every third in the second."""
     second = np.arange(len(frames)) % 3 == 2
     order = np.argsort(np.concatenate([np.flatnonzero(~second), np.flatnonzero(second)]))
-    return Noise([Stack(lambda: frames[~second]), Stack(lambda: frames[second])], order)
+    return Noise([Stack(frames[~second]), Stack(frames[second])], order)
 
 
 @pytest.mark.parametrize("make", [of_stack, of_two])

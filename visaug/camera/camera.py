@@ -1,9 +1,11 @@
 """A camera: its parameters, its chain of effects, and simulated exposures."""
 
 import copy
+import hashlib
 import logging
 import os
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from importlib import resources
 from math import isinf
 from pathlib import Path
@@ -283,6 +285,7 @@ class Camera:
         watch: Any = None,
         resolution: tuple[int, int] | None = None,
         mosaic: Callable[[Tensor], Tensor] | None = None,
+        shared: chain.Shared | None = None,
     ) -> Tensor:
         """Simulates frames in DN with the exact, differentiable chain, up to the converter.
 
@@ -295,12 +298,29 @@ class Camera:
             watch: called with (effect, signal) after each effect.
             resolution: rows and columns of the whole sensor, where they are not this camera's own.
             mosaic: of a colour camera, what lets one of three planes of photons through to each pixel, after the optics.
+            shared: signals that this exposure has in common with those of other cameras.
 
         Returns:
             (B, C, H, W) float32, DN in [0, 2^bit_depth - 1]. Effects of stage PICTURE act on pictures: see `finish`.
         """
         under = self._conditions(values, stream, photons.device, sequence, memory, resolution)
-        return chain.expose(self.effects, photons, under, watch, mosaic)
+        return chain.expose(self.effects, photons, under, watch, mosaic, shared)
+
+    @cached_property
+    def base(self) -> str:
+        """A name for all that the camera is but for its further effects, with its measured maps."""
+        content = self.to_dict()
+        for key in ("effects", "randomize", "correlated"):
+            content.pop(key, None)
+        digest = hashlib.blake2b(repr(content).encode(), digest_size=12)
+        for name, values in sorted(self.maps.items()):
+            digest.update(name.encode() + values.numpy().tobytes())
+        return digest.hexdigest()
+
+    @cached_property
+    def further(self) -> dict[str, str]:
+        """The parameters of each further effect, as text."""
+        return {entry["name"]: repr(entry) for entry in self.spec.effects}
 
     @property
     def finishes(self) -> bool:

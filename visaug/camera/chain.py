@@ -1,6 +1,7 @@
 """The chain: effects in the order of physics, from mean photons to DN."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
+from functools import partial
 from typing import NamedTuple
 
 import torch
@@ -8,6 +9,7 @@ from torch import Tensor
 
 from visaug.camera import fused
 from visaug.camera.paths import path_of
+from visaug.core.recurrent import Recurrent
 from visaug.core.sampling import Stream
 from visaug.effects import Context, Effect, Stage
 from visaug.effects.effect import Values, output_of
@@ -42,12 +44,40 @@ class Conditions(NamedTuple):
     context: Context
 
 
+class Shared(NamedTuple):
+    """Signals that exposures of several cameras have in common, up to where these differ.
+
+    Attributes:
+        signals: by what made them, see `name`.
+        name: of the photons and of the conditions: the frames, their random numbers, and the camera without further effects.
+        effects: the parameters of each further effect, as text.
+    """
+
+    signals: Recurrent
+    name: Hashable
+    effects: Mapping[str, str]
+
+    def applied(
+        self, run: list[Effect], signal: Tensor, apply: Callable[[Tensor], Tensor]
+    ) -> tuple[Tensor, "Shared"]:
+        """The signal after a run of effects, and under which name the next run finds it: its old one where nothing changed."""
+        name = (self.name, *((type(effect), self.effects.get(effect.name, "")) for effect in run))
+
+        def make() -> tuple[Tensor, Hashable]:
+            out = apply(signal)
+            return out, self.name if torch.equal(out, signal) else name
+
+        out, name = self.signals.get(name, make, signal.nbytes)
+        return out, self._replace(name=name)
+
+
 def expose(
     effects: list[Effect],
     photons: Tensor,
     under: Conditions,
     watch: Callable[[Effect, Tensor], None] | None = None,
     mosaic: Callable[[Tensor], Tensor] | None = None,
+    shared: Shared | None = None,
 ) -> Tensor:
     """DN of one exposure for each image.
 
@@ -56,6 +86,7 @@ def expose(
         photons: (B, C, H, W) float32, mean photons per pixel behind an ideal lens.
         watch: called with each effect and the signal after it.
         mosaic: the colour filters, where there are any: they let one of three planes through to each pixel, after the optics.
+        shared: where other cameras expose the same photons with the same random numbers; for cameras without memory.
 
     Returns:
         (B, C, H, W) float32, DN; of stage PICTURE nothing is applied.
@@ -70,11 +101,10 @@ def expose(
     for run in runs:
         if mosaic is not None and run[0].stage != Stage.OPTICS:
             signal, mosaic = mosaic(signal), None
-        if len(run) > 1:
-            own = {effect.name: parameters_of(effect, under) for effect in run}
-            signal = fused.expose(own, signal, under.stream, under.context)
+        if shared is None:
+            signal = _run(run, signal, under)
         else:
-            signal = _applied(run[0], signal, under)
+            signal, shared = shared.applied(run, signal, partial(_run, run, under=under))
         if watch is not None:
             watch(run[0], signal)
     return signal
@@ -86,6 +116,13 @@ def finish(effects: list[Effect], picture: Tensor, under: Conditions) -> Tensor:
         if effect.stage == Stage.PICTURE:
             picture = _applied(effect, picture, under)
     return picture
+
+
+def _run(run: list[Effect], signal: Tensor, under: Conditions) -> Tensor:
+    if len(run) == 1:
+        return _applied(run[0], signal, under)
+    own = {effect.name: parameters_of(effect, under) for effect in run}
+    return fused.expose(own, signal, under.stream, under.context)
 
 
 def _applied(effect: Effect, signal: Tensor, under: Conditions) -> Tensor:

@@ -11,8 +11,10 @@ import torch
 from torch import Tensor
 
 from visaug.camera import Camera
+from visaug.camera.chain import Shared
 from visaug.camera.history import DEEPEST, SMALL, Reach, is_of_whole_frame
 from visaug.core.errors import InputError
+from visaug.core.recurrent import Recurrent
 from visaug.core.sampling import Stream, as_seed, derive_key
 from visaug.frames import FrameRecord, FrameSet
 from visaug.frames.record import Window
@@ -27,6 +29,7 @@ def simulate(
     progress: Callable[[str, int, int], None] | None = None,
     keep: Sequence[int] | None = None,
     deepest: int = DEEPEST,
+    shared: Recurrent | None = None,
 ) -> FrameSet:
     """Simulates the frames of `plan`, in order, with one camera whose fixed patterns stay the same.
 
@@ -37,7 +40,7 @@ def simulate(
         seed: of the specimen (its fixed patterns) and of the temporal noise.
         progress: called with (description, done, total).
         keep: positions of the frames to simulate; None simulates all. See `exposures`.
-        deepest: see `exposures`.
+        deepest, shared: see `exposures`.
 
     Returns:
         A frame set in memory, uint16 DN.
@@ -58,7 +61,7 @@ def simulate(
     plan = FrameSet.of(plan, camera.resolution)
     frames: list[np.ndarray] = []
     places = range(len(plan)) if keep is None else sorted(keep)
-    for positions, block in exposures(camera, plan, seed, keep, deepest):
+    for positions, block in exposures(camera, plan, seed, keep, deepest, shared):
         frames.extend(block.squeeze(1).numpy().astype(np.uint16))
         if progress is not None:
             progress("simulating frames", positions[-1] + 1, len(plan))
@@ -127,7 +130,12 @@ def plan_for(camera: Camera) -> dict[str, Any]:
 
 
 def exposures(
-    camera: Camera, plan: FrameSet, seed: int, keep: Iterable[int] | None = None, deepest: int = DEEPEST
+    camera: Camera,
+    plan: FrameSet,
+    seed: int,
+    keep: Iterable[int] | None = None,
+    deepest: int = DEEPEST,
+    shared: Recurrent | None = None,
 ) -> Iterator[tuple[Sequence[int], Tensor]]:
     """The same frames batch by batch: positions in the plan and (B, 1, H, W) float32 DN.
 
@@ -135,9 +143,13 @@ def exposures(
         keep: positions of the frames that are wanted; all where left out. They come as they would out of the whole plan: the
             state of the camera before them is found as `visaug.camera.history` says.
         deepest: frames before a wanted one that are simulated at most, where the camera's pixels remember them.
+        shared: signals of this plan and seed that other cameras have in common with this one: those that differ in late effects
+            start from the same electrons. Cameras with memory make their own.
     """
     wanted = set(range(len(plan)) if keep is None else keep)
-    reach = Reach.of(camera) if len(wanted) < len(plan) else Reach(False, 0)
+    reach = Reach.of(camera) if len(wanted) < len(plan) or shared is not None else Reach(False, 0)
+    if reach != Reach(False, 0):
+        shared = None
     memory: dict[str, Tensor] = {}
     maps: dict[tuple, Tensor] = {}
     shown, done = None, 0
@@ -151,7 +163,8 @@ def exposures(
         shown = window
         shape = (window[1] - window[0], window[3] - window[2])
         photons = torch.stack([_photons(plan, i, shape) for i in positions])
-        block = _exposed(camera, plan, positions, photons, seed, window, memory, maps)
+        alike = None if shared is None else Shared(shared, (camera.base, window, *positions), camera.further)
+        block = _exposed(camera, plan, positions, photons, seed, window, memory, maps, alike)
         got = [k for k, i in enumerate(positions) if i in wanted]
         if got:
             yield [positions[k] for k in got], block if len(got) == len(positions) else block[got]
@@ -166,6 +179,7 @@ def _exposed(
     window: Window,
     memory: dict[str, Tensor],
     maps: dict[tuple, Tensor] | None = None,
+    shared: Shared | None = None,
 ) -> Tensor:
     """Frames of the plan under its conditions; `memory` and `maps`, the camera's own random numbers (see `Stream`), are carried
     from batch to batch.
@@ -181,7 +195,7 @@ def _exposed(
         "gain_db": torch.tensor([float(record.gain_db) for record in records]),
         "temperature_c": torch.tensor([float(own if (t := r.temperature_c) is None else t) for r in records]),
     }
-    return camera.expose(photons, stream, values, sequence=True, memory=memory)
+    return camera.expose(photons, stream, values, sequence=True, memory=memory, shared=shared)
 
 
 def _stepped(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from visaug.camera import Camera
 from visaug.camera.history import DEEPEST, Reach
 from visaug.camera.simulation import has_clean, simulate
 from visaug.core.errors import InputError
+from visaug.core.recurrent import Recurrent
 from visaug.frames import FrameRecord, FrameSet
 from visaug.statistics import (
     IN_A_WINDOW,
@@ -29,6 +31,24 @@ from visaug.statistics.subsample import MARGIN, Selection, Window
 Report = Callable[[str, int, int], None]
 NOTHING = Reach(False, 0)  # what a camera without memory remembers
 FULL_DEEPEST = 3  # full frames that are simulated before one that is used, at most: each costs as much as it
+
+
+class Shared(NamedTuple):
+    """What simulated sets of one seed have in common: they share random numbers, so that cameras that differ in one effect
+    differ from the stage on where it acts, in the frames that it touches.
+
+    Attributes:
+        signals: of frames on their way through the camera.
+        stacks: what frames of equal conditions are reduced to.
+    """
+
+    signals: Recurrent
+    stacks: Recurrent
+
+    @classmethod
+    def empty(cls) -> Shared:
+        most = 64 * 2**20  # bytes of each
+        return cls(Recurrent(most), Recurrent(most))
 
 
 @dataclass(frozen=True)
@@ -83,12 +103,16 @@ class MeasuredFrames:
             return replace(find, values=(find.values + confirm.values) / 2)
         return fingerprint(self.frames, self.positions(use), self.views, self.place)
 
-    def simulated(self, camera: Camera, seed: int, uses: Sequence[str]) -> list[np.ndarray]:
-        """Fingerprint values of one simulated set, for each use of its frames."""
+    def simulated(self, camera: Camera, seed: int, uses: Sequence[str], shared: Shared) -> list[np.ndarray]:
+        """Fingerprint values of one simulated set, for each use of its frames.
+
+        Args:
+            shared: what sets of this seed have in common.
+        """
         own = [use for use in uses if use != WHOLE or not self.halves]
         positions = [self.positions(use) for use in own]
-        frames = self._taken(camera, seed, sorted(self._looked_at(own)))
-        found = fingerprint_values(frames, positions, self.views)
+        frames = self._taken(camera, seed, sorted(self._looked_at(own)), shared.signals)
+        found = fingerprint_values(frames, positions, self.views, shared.stacks)
         values = dict(zip(own, found, strict=True))
         if WHOLE in uses and self.halves:
             values[WHOLE] = (values[FIND] + values[CONFIRM]) / 2
@@ -104,12 +128,12 @@ class MeasuredFrames:
         before = {i: place.get(self.frames.records[i].sequence - 1) for i in used}
         return used | {b for i, b in before.items() if b is not None and group[b] != group[i]}
 
-    def _taken(self, camera: Camera, seed: int, wanted: Sequence[int]) -> FrameSet:
+    def _taken(self, camera: Camera, seed: int, wanted: Sequence[int], signals: Recurrent) -> FrameSet:
         """The set with simulated frames at some positions and no pixels at others."""
         every = range(len(self.frames))
         if len(wanted) < len(every) and Reach.of(camera) != NOTHING and not self.place:
             wanted = every  # frames depend on those before
-        return self._filled(self.take(camera, seed, wanted), wanted)
+        return self._filled(self.take(camera, seed, wanted, signals), wanted)
 
     def _filled(self, taken: FrameSet, wanted: Sequence[int]) -> FrameSet:
         """The whole set, the other frames without pixels."""
@@ -121,11 +145,18 @@ class MeasuredFrames:
         cleans = self._cleans(range(len(self.frames)))
         return FrameSet.from_arrays(self.frames.records, frames, cleans, bit_depth=taken.bit_depth)
 
-    def take(self, camera: Camera, seed: int, only: Iterable[int] | None = None) -> FrameSet:
+    def take(
+        self,
+        camera: Camera,
+        seed: int,
+        only: Iterable[int] | None = None,
+        signals: Recurrent | None = None,
+    ) -> FrameSet:
         """The frames, or those of them at some positions, as a camera would take them."""
         wanted = list(range(len(self.frames)) if only is None else only)
         keep = [self.keep[k] for k in wanted]
-        return self._shown(simulate(camera, self.plan, seed, keep=keep, deepest=self.deepest), wanted)
+        taken = simulate(camera, self.plan, seed, keep=keep, deepest=self.deepest, shared=signals)
+        return self._shown(taken, wanted)
 
     def _shown(self, taken: FrameSet, wanted: Sequence[int]) -> FrameSet:
         """Simulated frames without the margin around their windows."""

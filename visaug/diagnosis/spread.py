@@ -29,7 +29,7 @@ from visaug.camera import Camera
 from visaug.core.cores import cores
 from visaug.core.errors import with_user_line
 from visaug.core.memory import keep_freed
-from visaug.diagnosis.part import MeasuredFrames
+from visaug.diagnosis.part import MeasuredFrames, Shared
 from visaug.effects import catalogue
 from visaug.pictures.part import PicturePart
 
@@ -37,6 +37,8 @@ Job = tuple[Camera, int]  # and the number of the simulation
 Part = MeasuredFrames | PicturePart
 Spread = Callable[["Work", Sequence[Job]], Iterable[tuple[np.ndarray, ...]]]
 MOST = 16  # workers: each needs some 100 MB of its own
+LARGE = 2**16  # bytes of a camera with measured maps
+_of_thread = threading.local()
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,16 @@ class Work:
     def __call__(self, job: Job) -> tuple[np.ndarray, ...]:
         """Of one simulated set: one array of values for each use of its frames."""
         camera, number = job
-        found = [part.simulated(camera, self.seed * 1_000_003 + number, self.uses) for part in self.parts]
+        seed, shared = self.seed * 1_000_003 + number, self._shared(number)
+        found = [part.simulated(camera, seed, self.uses, shared) for part in self.parts]
         return tuple(np.concatenate(values) for values in zip(*found, strict=True))
+
+    def _shared(self, number: int) -> Shared:
+        """What simulated sets of this number have in common, in this thread; that of another number is dropped."""
+        last = getattr(_of_thread, "last", None)
+        if last is None or last[0] is not self.parts or last[1] != number:
+            last = _of_thread.last = self.parts, number, Shared.empty()
+        return last[2]
 
 
 def on_this_machine() -> Spread:
@@ -195,12 +205,16 @@ def _with_parent(parent: int) -> None:
 def _in_process(uses: tuple[str, ...], camera: bytes, number: int) -> tuple[np.ndarray, ...]:
     assert _work is not None
     try:
-        return replace(_work, uses=uses)((_camera(camera), number))
+        made = _camera if len(camera) > LARGE else _small_camera
+        return replace(_work, uses=uses)((made(camera), number))
     except Exception as error:
         raise with_user_line(error) from None
 
 
 @lru_cache(maxsize=1)
 def _camera(packed: bytes) -> Camera:
-    """A camera with the effects of this process; made once for the sets of one camera."""
+    """A camera with the effects of this process; made once for sets of one camera that follow one another."""
     return Camera(*pickle.loads(packed))
+
+
+_small_camera = lru_cache(maxsize=64)(_camera.__wrapped__)  # for sets of many cameras in turn

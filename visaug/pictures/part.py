@@ -98,8 +98,8 @@ class PicturePart:
         values = np.concatenate([found.values, self._as_normal(symmetry, chosen)])
         return Fingerprint((*found.statistics, *STATISTICS), values)
 
-    def simulated(self, camera: Camera, seed: int, uses: Sequence[str]) -> list[np.ndarray]:
-        """Fingerprint values of one simulated set, for each use of its pictures."""
+    def simulated(self, camera: Camera, seed: int, uses: Sequence[str], shared: object) -> list[np.ndarray]:
+        """Fingerprint values of one simulated set, for each use of its pictures; `shared` is of use for frames only."""
         taken_of = self._chosen(uses[0] if len(uses) == 1 else WHOLE)
         pictures, shaded = self._taken(camera, seed, taken_of)
         place = {int(n): k for k, n in enumerate(taken_of)}

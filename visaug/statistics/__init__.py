@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from visaug.core.recurrent import Recurrent
 from visaug.frames import FrameSet
 from visaug.statistics.reduction import FrameData, GroupData, Stacks
 from visaug.statistics.statistic import AXES, Fingerprint, Statistic, finite
@@ -44,12 +45,14 @@ def fingerprint_values(
     frames: FrameSet,
     uses: Iterable[Iterable[int] | None] = (None,),
     views: Sequence[View] = VIEWS,
+    shared: Recurrent | None = None,
 ) -> list[np.ndarray]:
     """The values of `fingerprint` alone, (n,) float64, for each use of the frames: positions, or None for all.
 
-    Where the frames of one use are those of two before it, no pixel is gone through again for sums.
+    Where the frames of one use are those of two before it, no pixel is gone through again for sums; nor where frames of equal
+    conditions came out as those of other sets with the same `shared`, bit for bit.
     """
-    stacks = Stacks(frames)
+    stacks = Stacks(frames, shared)
     found: dict[frozenset[int], np.ndarray] = {}
     asked = []
     for use in uses:

@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from visaug.core.constants import MAD
+from visaug.core.recurrent import Recurrent
 from visaug.frames import FrameRecord, FrameSet, Group
 from visaug.statistics import kernels
 from visaug.statistics.conditions import MAX_GROUPS, by_condition, choose, labels
@@ -47,7 +48,7 @@ class GroupData:
     @classmethod
     def of_frames(cls, group: Group, frames: np.ndarray) -> "GroupData":
         """Of frames in memory, (n, H, W), without a bias group."""
-        return cls(group, Noise([Stack(lambda: frames)]), None)
+        return cls(group, Noise([Stack(frames)]), None)
 
     def statistic(self, view: str, name: str, axes: Iterable[str], unit: str = "1") -> Statistic:
         """The description of a statistic of these frames."""
@@ -196,10 +197,11 @@ class Stacks:
 
     Args:
         frames: the set.
+        shared: reductions of frames that several sets have in common, bit for bit.
     """
 
-    def __init__(self, frames: FrameSet):
-        self._frames = frames
+    def __init__(self, frames: FrameSet, shared: Recurrent | None = None):
+        self._frames, self._shared = frames, Recurrent(0) if shared is None else shared
         self._known: dict[tuple[int, ...], Stack] = {}
         self._noise: dict[tuple[int, ...], Noise] = {}
 
@@ -209,8 +211,17 @@ class Stacks:
         if key not in self._noise:
             parts = self._parts(key)
             place = {i: k for k, i in enumerate(i for part in parts for i in part)}
-            self._noise[key] = Noise([self._known[part] for part in parts], [place[i] for i in key])
+            stacks, order = [self._known[part] for part in parts], [place[i] for i in key]
+            self._noise[key] = self._shared.derived(key, lambda: Noise(stacks, order), *stacks)
         return self._noise[key]
+
+    def group(self, group: Group, reference: GroupData | None, label: str) -> GroupData:
+        """The frames of a group with their noise; see `GroupData`."""
+        noise = self.noise(group.indices)
+        if reference is not None and reference.mean.shape != noise.shape:
+            reference = None
+        data = partial(GroupData, group, noise, reference, label)
+        return self._shared.derived((group, label), data, noise, reference)
 
     def frame(self, i: int) -> np.ndarray:
         """One frame, (H, W)."""
@@ -224,8 +235,15 @@ class Stacks:
             for one, other in combinations(within, 2):
                 if len(one) + len(other) == len(key) and not set(one) & set(other):
                     return one, other
-            self._known[key] = Stack(partial(self._frames.stack, key))
+            self._known[key] = self._stack(key)
         return (key,)
+
+    def _stack(self, key: tuple[int, ...]) -> Stack:
+        frames = self._frames.stack(key)
+        some = hash(frames[:, ::16].tobytes())  # a part tells nearly always whether frames are others
+        with_what_follows = 4 * frames.nbytes  # from their sums
+        stack = self._shared.get((key, frames.shape, some), partial(Stack, frames), with_what_follows)
+        return stack if np.array_equal(stack.frames, frames) else Stack(frames)
 
 
 class FrameData:
@@ -298,12 +316,8 @@ class FrameData:
         return [g for g in self.groups if g.kind == kind and g.count >= at_least]
 
     def _load(self, group: Group, reference: GroupData | None) -> GroupData:
-        noise = self.stacks.noise(group.indices)
-        if reference is not None and reference.mean.shape != noise.shape:
-            reference = None
-        return GroupData(
-            group, noise, reference, self._labels[replace(group, indices=())] if self.named else ""
-        )
+        label = self._labels[replace(group, indices=())] if self.named else ""
+        return self.stacks.group(group, reference, label)
 
     @cached_property
     def _labels(self) -> dict[Group, str]:

@@ -1,6 +1,6 @@
 """Frames of equal conditions, reduced to what statistics of temporal noise need: sums that several uses of the frames share."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
@@ -20,26 +20,21 @@ class Stack:
     """Frames of equal conditions with their sums.
 
     Args:
-        read: gives the frames, (n, H, W) uint16 or float32.
+        frames: (n, H, W) uint16 or float32.
 
     Attributes:
         total: (H, W) sum of the frames, exact for uint16.
         rows, columns: (n, H) and (n, W) float64 means of their rows and columns.
     """
 
-    def __init__(self, read: Callable[[], np.ndarray]):
-        self._read = read
-        frames = self.frames
+    def __init__(self, frames: np.ndarray):
+        self.frames = frames
         count, height, width = self.shape = frames.shape
         kind = np.uint32 if frames.dtype == np.uint16 else np.float64
         self.total = np.zeros((height, width), kind)
         rows, columns = np.zeros((count, height), kind), np.zeros((count, width), kind)
         kernels.add_up(frames, self.total, rows, columns)
         self.rows, self.columns = rows / width, columns / height
-
-    @cached_property
-    def frames(self) -> np.ndarray:
-        return self._read()
 
     @cached_property
     def codes(self) -> np.ndarray:
