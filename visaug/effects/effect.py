@@ -12,6 +12,7 @@ from torch import Tensor
 from visaug.core.errors import InputError
 from visaug.core.sampling import Stream, as_seed, derive_key
 from visaug.effects.parameter import Parameter, check_value, plain, unused
+from visaug.effects.parameter import Strength as Strength
 
 
 class Values:

@@ -13,6 +13,8 @@ from visaug.core.errors import InputError
 class Parameter:
     """A parameter of an effect: a number with a unit and bounds, or a categorical option.
 
+    The catalogue gives numbers as default, unit, low, high and source by place, and the rest by name.
+
     Args:
         default: value used if a camera file does not give the parameter.
         unit: e.g. "e-", "DN", "fraction", "px", "s", "e-/s"; "1" for a dimensionless number.
@@ -51,6 +53,13 @@ class Parameter:
 
     def __set_name__(self, owner: type, name: str) -> None:
         object.__setattr__(self, "name", name)
+
+
+@dataclass(frozen=True)
+class Strength(Parameter):
+    """A parameter at whose zero the effect vanishes."""
+
+    strength: bool = True
 
 
 def unused(parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> dict[str, str]:

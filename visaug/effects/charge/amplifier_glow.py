@@ -3,7 +3,7 @@
 import torch
 
 from visaug.effects.charge.dark_electrons import REFERENCE_C, add_dark_electrons
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 PLACES = {
     "top_left": (0.0, 0.0),
@@ -34,14 +34,7 @@ class AmplifierGlow(Effect):
     separates = "take darks with and without a lens cover: a light leak disappears, glow does not"
     map_unit = "e-/s at 20 C"
     map_low = 0.0
-    rate_e_per_s = Parameter(
-        20.0,
-        unit="e-/s",
-        high=1e6,
-        strength=True,
-        trials=(5.0, 25.0),
-        source="at the brightest position, at 20 C",
-    )
+    rate_e_per_s = Strength(20.0, "e-/s", 0.0, 1e6, "at the brightest position, at 20 C", trials=(5.0, 25.0))
     place = Parameter(
         "bottom_right",
         options=(*PLACES, RIM),
@@ -55,9 +48,7 @@ class AmplifierGlow(Effect):
         trials=(0.004, 0.012, 0.035, 0.1, 0.3, 0.9),  # from a few pixels to the whole sensor
         source="decay length relative to the longer side",
     )
-    shape = Parameter(
-        1.0, low=0.3, high=4.0, trials=(1.0, 2.0), source="1: exponential, 2: Gaussian fall-off"
-    )
+    shape = Parameter(1.0, "1", 0.3, 4.0, "1: exponential, 2: Gaussian fall-off", trials=(1.0, 2.0))
     b_per_c = Parameter(
         0.01,
         unit="1/C",

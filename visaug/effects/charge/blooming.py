@@ -3,7 +3,7 @@
 import torch
 import torch.nn.functional as F
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 DEEPEST_E = 1e9  # in place of an unlimited full well
 LEAST = 0.02  # share of the excess that is seen beside it: less may be a blur, a lag or noise
@@ -37,14 +37,7 @@ class Blooming(Effect):
         "image a bright spot below and above the full well: blooming occurs only above it; smear does not "
         "require a full well"
     )
-    share = Parameter(
-        0.5,
-        unit="fraction",
-        high=1.0,
-        strength=True,
-        trials=(0.2, 0.8, 1.0),
-        source="1: no anti-blooming drain",
-    )
+    share = Strength(0.5, "fraction", 0.0, 1.0, "1: no anti-blooming drain", trials=(0.2, 0.8, 1.0))
     upward = Parameter(
         0.5,
         unit="fraction",

@@ -3,7 +3,7 @@
 import torch
 import torch.nn.functional as F
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 LIMIT = 0.2  # below 1/4: a pixel cannot give its four neighbours more than it has
 
@@ -32,15 +32,14 @@ class BrighterFatter(Effect):
         "measure the covariance of neighbours in flats: brighter_fatter grows with the square of the level,"
         " crosstalk in proportion to it"
     )
-    share_per_ke = Parameter(
+    share_per_ke = Strength(
         3e-4,
         unit="1/(1000 e-)",
         high=0.1,
-        strength=True,
         trials=(1e-3, 4e-3),
         source="the variance of thick CCDs falls by 20 % at 100 000 e-; more in small pixels",
     )
-    aspect = Parameter(1.0, high=5.0, trials=(1.0, 2.5), source="vertical to horizontal; in CCDs 2 to 3")
+    aspect = Parameter(1.0, "1", 0.0, 5.0, "vertical to horizontal; in CCDs 2 to 3", trials=(1.0, 2.5))
     tail = Parameter(
         0.0,
         unit="fraction",

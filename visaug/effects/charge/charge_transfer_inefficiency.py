@@ -3,7 +3,7 @@
 import torch
 import torch.nn.functional as F
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 MOST = 0.9  # share that a transfer may leave behind
 
@@ -36,17 +36,10 @@ class ChargeTransferInefficiency(Effect):
         "image edges near and far from the readout register: the trail grows with the distance, image lag "
         "does not"
     )
-    share_per_transfer = Parameter(
-        1e-5,
-        unit="fraction",
-        high=0.02,
-        strength=True,
-        trials=(1e-4, 6e-4),
-        source="new CCDs 1e-6, irradiated 1e-4",
+    share_per_transfer = Strength(
+        1e-5, "fraction", 0.0, 0.02, "new CCDs 1e-6, irradiated 1e-4", trials=(1e-4, 6e-4)
     )
-    trail_px = Parameter(
-        0.5, unit="px", low=0.1, high=50.0, trials=(0.5, 3.0, 15.0), source="release time in transfers"
-    )
+    trail_px = Parameter(0.5, "px", 0.1, 50.0, "release time in transfers", trials=(0.5, 3.0, 15.0))
     density_exponent = Parameter(
         1.0,
         high=1.5,

@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class DarkCurrentNonuniformity(Effect):
@@ -24,13 +24,8 @@ class DarkCurrentNonuniformity(Effect):
     separates = "take darks at two exposures: this pattern grows with the exposure, dsnu does not"
     map_unit = "factor K"
     map_low = 0.0
-    spread = Parameter(
-        0.3,
-        unit="fraction",
-        high=10.0,
-        strength=True,
-        trials=(0.4, 1.2),
-        source="standard deviation relative to the mean: 0.1 to 1",
+    spread = Strength(
+        0.3, "fraction", 0.0, 10.0, "standard deviation relative to the mean: 0.1 to 1", trials=(0.4, 1.2)
     )
     distribution = Parameter(
         "lognormal", options=("lognormal", "gaussian", "exponential"), source="of the factors"

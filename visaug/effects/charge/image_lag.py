@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class ImageLag(Effect):
@@ -30,20 +30,9 @@ class ImageLag(Effect):
         "take a dark frame directly after a bright one: lag appears in it and decays; drift is independent "
         "of the preceding frame"
     )
-    share = Parameter(
-        0.01,
-        unit="fraction",
-        high=0.5,
-        strength=True,
-        trials=(0.01, 0.05),
-        source="pinned photodiodes 0.1 %, others 5 %",
-    )
+    share = Strength(0.01, "fraction", 0.0, 0.5, "pinned photodiodes 0.1 %, others 5 %", trials=(0.01, 0.05))
     decay = Parameter(
-        0.0,
-        unit="fraction",
-        high=0.99,
-        trials=(0.0, 0.6),
-        source="of the retained charge, from frame to frame",
+        0.0, "fraction", 0.0, 0.99, "of the retained charge, from frame to frame", trials=(0.0, 0.6)
     )
     saturates = Parameter(
         "diode",

@@ -2,7 +2,7 @@
 
 import torch.nn.functional as F
 
-from visaug.effects.effect import Parameter, Spreading, Stage
+from visaug.effects.effect import Parameter, Spreading, Stage, Strength
 
 
 class InterpixelCrosstalk(Spreading):
@@ -27,14 +27,7 @@ class InterpixelCrosstalk(Spreading):
         "measure the covariance of noise in flats: point_spread has none, and the fraction of "
         "brighter_fatter grows with the level"
     )
-    share = Parameter(
-        0.01,
-        unit="fraction",
-        high=0.1,
-        strength=True,
-        trials=(0.006, 0.025),
-        source="each neighbour: 0.5 to 3 %",
-    )
+    share = Strength(0.01, "fraction", 0.0, 0.1, "each neighbour: 0.5 to 3 %", trials=(0.006, 0.025))
     aspect = Parameter(
         1.0,
         high=1.5,
@@ -42,10 +35,7 @@ class InterpixelCrosstalk(Spreading):
         source="coupling to the neighbours above and below, relative to those beside",
     )
     diagonal = Parameter(
-        0.0,
-        high=1.0,
-        trials=(0.0, 0.3),
-        source="coupling to the diagonal neighbours, relative to those beside",
+        0.0, "1", 0.0, 1.0, "coupling to the diagonal neighbours, relative to those beside", trials=(0.0, 0.3)
     )
     tail = Parameter(
         0.0,

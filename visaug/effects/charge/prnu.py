@@ -1,6 +1,6 @@
 """Photo-response non-uniformity."""
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Stage, Strength
 
 
 class PRNU(Effect):
@@ -22,15 +22,9 @@ class PRNU(Effect):
         "to it; the difference of two flats contains no PRNU"
     )
     map_unit = "fraction"
-    column = Parameter(
-        0.0, unit="fraction", high=0.5, strength=True, source="EMVA 1288: PRNU_col", trials=(0.001, 0.003)
-    )
-    row = Parameter(
-        0.0, unit="fraction", high=0.5, strength=True, source="EMVA 1288: PRNU_row", trials=(0.001, 0.003)
-    )
-    pixel = Parameter(
-        0.0, unit="fraction", high=0.5, strength=True, source="EMVA 1288: PRNU_pix", trials=(0.003, 0.008)
-    )
+    column = Strength(0.0, "fraction", 0.0, 0.5, "EMVA 1288: PRNU_col", trials=(0.001, 0.003))
+    row = Strength(0.0, "fraction", 0.0, 0.5, "EMVA 1288: PRNU_row", trials=(0.001, 0.003))
+    pixel = Strength(0.0, "fraction", 0.0, 0.5, "EMVA 1288: PRNU_pix", trials=(0.003, 0.008))
 
     def apply(self, signal, p, stream, context):
         pattern = context.measured_map(self.name, signal)

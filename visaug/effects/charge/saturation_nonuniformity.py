@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Stage, Strength
 
 
 class SaturationNonuniformity(Effect):
@@ -31,19 +31,11 @@ class SaturationNonuniformity(Effect):
         "take flats beyond saturation: a fixed pattern in fully saturated frames, and a variance that falls before the mean "
         "stops; nonlinearity acts at all levels"
     )
-    spread = Parameter(
-        0.02,
-        unit="fraction",
-        high=0.15,
-        strength=True,
-        trials=(0.01, 0.05),
-        source="1 to 5 % of the full well; assumed",
-    )
-    knee = Parameter(
+    spread = Strength(0.02, "fraction", 0.0, 0.15, "1 to 5 % of the full well; assumed", trials=(0.01, 0.05))
+    knee = Strength(
         0.0,
         unit="fraction",
         high=0.1,
-        strength=True,
         trials=(0.01, 0.04),
         source="width of the knee; kT / q over the swing of the diode: 25 mV / 1 V",
     )

@@ -1,6 +1,6 @@
 """Smear."""
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class Smear(Effect):
@@ -23,13 +23,8 @@ class Smear(Effect):
         "image a bright spot at several exposures: smear does not grow with the exposure, and does not "
         "require a full well as blooming does"
     )
-    transfer_s = Parameter(
-        2e-4,
-        unit="s",
-        high=1.0,
-        strength=True,
-        trials=(2e-4, 1e-3),
-        source="transfer time of a whole frame: 0.1 to 10 ms",
+    transfer_s = Strength(
+        2e-4, "s", 0.0, 1.0, "transfer time of a whole frame: 0.1 to 10 ms", trials=(2e-4, 1e-3)
     )
     passes = Parameter(
         "both", options=("both", "below", "above"), source="rows whose light a charge packet passes"

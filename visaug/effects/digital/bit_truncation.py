@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class BitTruncation(Effect):
@@ -27,14 +27,8 @@ class BitTruncation(Effect):
     why_not = (
         "the number of bits is an integer; the gradient of the image passes straight through, as for rounding"
     )
-    bits = Parameter(
-        2.0,
-        unit="bits",
-        high=15.0,
-        strength=True,
-        integer=True,
-        trials=(1, 2, 3, 4),
-        source="16-bit files of 12-bit cameras: 4",
+    bits = Strength(
+        2.0, "bits", 0.0, 15.0, "16-bit files of 12-bit cameras: 4", integer=True, trials=(1, 2, 3, 4)
     )
     mode = Parameter(
         "cut", options=("cut", "round"), source="most links truncate; scaling in software rounds"

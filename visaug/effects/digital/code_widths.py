@@ -4,7 +4,7 @@ import math
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 NEAREST = 0.49  # of a threshold to its ideal place, in code widths: thresholds stay in order
 NARROWEST = 1e-6  # width of a code that is never met
@@ -42,11 +42,10 @@ class CodeWidths(Effect):
     map_unit = "relative width"
     map_low = 0.0
     map_is_table = True
-    dnl = Parameter(
+    dnl = Strength(
         0.3,
         unit="DN",
         high=2.0,
-        strength=True,
         trials=(0.2, 0.5),
         source="standard deviation of a code's width; of the largest steps for `bits`; datasheets: 0.3 to 1",
     )

@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class MissingCodes(Effect):
@@ -30,11 +30,10 @@ class MissingCodes(Effect):
         "whether a code exists is discrete; the gradient of the image passes straight through, as for "
         "rounding"
     )
-    density = Parameter(
+    density = Strength(
         0.05,
         unit="share of codes",
         high=0.5,
-        strength=True,
         trials=(0.02, 0.1),
         source="0 for a good converter; a digital gain g gives 1 - 1/g; above a gain of 2 use bit_truncation",
     )

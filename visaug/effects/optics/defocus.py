@@ -6,7 +6,7 @@ import torch
 
 from visaug.effects.effect import Spreading, Stage
 from visaug.effects.optics.spread import convolve, pixels_around
-from visaug.effects.parameter import Parameter
+from visaug.effects.parameter import Strength
 
 STRIPS = 16  # of the disc's part of a pixel, whose area is then right to 1e-3
 
@@ -28,11 +28,10 @@ class Defocus(Spreading):
         "image a bright point: defocus gives a uniform disc with a sharp edge, point_spread a Gaussian"
     )
     proposed = False  # a diagnosis reports any blur as point_spread; only bright points distinguish them
-    radius_px = Parameter(
+    radius_px = Strength(
         2.0,
         unit="px",
         high=100.0,
-        strength=True,
         trials=(1.0, 3.0),
         source="defocus / (2 x f-number) / pixel; 20 um at f/2.8 on 3.45 um: 1 px",
     )

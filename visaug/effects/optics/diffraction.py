@@ -6,7 +6,7 @@ import torch
 
 from visaug.effects.effect import Spreading, Stage
 from visaug.effects.optics.spread import filtered, frequencies
-from visaug.effects.parameter import Parameter
+from visaug.effects.parameter import Strength
 
 FIRST_ZERO = 3.8317059702075125 / math.pi  # of the Airy pattern, in wavelengths times the f-number: 1.2197
 
@@ -34,11 +34,10 @@ class Diffraction(Spreading):
         "distance"
     )
     proposed = False  # a diagnosis reports any blur as point_spread; only bright points distinguish them
-    radius_px = Parameter(
+    radius_px = Strength(
         1.0,
         unit="px",
         high=100.0,
-        strength=True,
         trials=(0.8, 2.5),
         source="radius of the first dark ring; 550 nm at f/8 on 3.45 um pixels: 1.6 px",
     )

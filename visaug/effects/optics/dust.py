@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 MOST = 200  # specks of a sensor
 
@@ -30,23 +30,11 @@ class Dust(Effect):
         "take flats before and after cleaning, and at two apertures: shadows disappear, or change size; prnu is white, and "
         "vignetting is centred on the axis"
     )
-    depth = Parameter(
-        0.1,
-        unit="fraction",
-        high=1.0,
-        strength=True,
-        trials=(0.03, 0.15),
-        source="1 to 30 %, at small apertures most",
-    )
+    depth = Strength(0.1, "fraction", 0.0, 1.0, "1 to 30 %, at small apertures most", trials=(0.03, 0.15))
     radius_px = Parameter(
-        8.0,
-        unit="px",
-        low=1.0,
-        high=500.0,
-        trials=(4.0, 12.0),
-        source="1 mm of glass at f/8 on 3.45 um pixels: 18 px",
+        8.0, "px", 1.0, 500.0, "1 mm of glass at f/8 on 3.45 um pixels: 18 px", trials=(4.0, 12.0)
     )
-    specks = Parameter(8.0, unit="specks", low=1.0, high=MOST, integer=True, trials=(4, 16), source="assumed")
+    specks = Parameter(8.0, "specks", 1.0, MOST, "assumed", integer=True, trials=(4, 16))
 
     def apply(self, signal, p, stream, context):
         height, width = context.resolution

@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class LightDrift(Effect):
@@ -23,20 +23,9 @@ class LightDrift(Effect):
         "compare dark with illuminated frames: black_level_drift is present in both, light_drift only with "
         "light"
     )
-    sigma = Parameter(
-        0.01,
-        unit="fraction",
-        high=0.5,
-        strength=True,
-        trials=(0.005, 0.02),
-        source="lamps and LEDs: 0.1 to 2 %",
-    )
+    sigma = Strength(0.01, "fraction", 0.0, 0.5, "lamps and LEDs: 0.1 to 2 %", trials=(0.005, 0.02))
     correlation = Parameter(
-        0.0,
-        low=0.0,
-        high=0.999,
-        trials=(0.0, 0.9),
-        source="between consecutive frames; 0: white, near 1: a random walk",
+        0.0, "1", 0.0, 0.999, "between consecutive frames; 0: white, near 1: a random walk", trials=(0.0, 0.9)
     )
 
     def apply(self, signal, p, stream, context):

@@ -6,7 +6,7 @@ import torch
 
 from visaug.effects.effect import Spreading, Stage
 from visaug.effects.optics.spread import convolve, pixels_around
-from visaug.effects.parameter import Parameter
+from visaug.effects.parameter import Parameter, Strength
 
 
 class MotionBlur(Spreading):
@@ -31,21 +31,15 @@ class MotionBlur(Spreading):
         "image a bright point: motion blur gives a line and not a disc, half as long at half the exposure"
     )
     proposed = False  # frames under test are taken with camera and target at rest
-    length_px = Parameter(
+    length_px = Strength(
         5.0,
         unit="px",
         high=200.0,
-        strength=True,
         trials=(2.0, 7.0),
         source="angular rate x exposure / angle of a pixel; 1 deg/s, 20 ms, 0.005 deg: 4 px",
     )
     angle_deg = Parameter(
-        0.0,
-        unit="deg",
-        low=-180.0,
-        high=180.0,
-        trials=(30.0,),
-        source="counter-clockwise from the direction of the rows",
+        0.0, "deg", -180.0, 180.0, "counter-clockwise from the direction of the rows", trials=(30.0,)
     )
 
     def apply(self, signal, p, stream, context):

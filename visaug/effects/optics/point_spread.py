@@ -28,7 +28,7 @@ class PointSpread(Spreading):
         trials=(0.2, 0.6, 1.2),  # its shifts grow a thousandfold from 0.1 to 0.6 px
         source="an f/2.8 lens on 3 um pixels: 0.3 to 1 px",
     )
-    aspect = Parameter(1.0, low=0.2, high=5.0, source="vertical to horizontal width; 1: round")
+    aspect = Parameter(1.0, "1", 0.2, 5.0, "vertical to horizontal width; 1: round")
 
     def apply(self, signal, p, stream, context):
         return gaussian_blur(signal, p.sigma_px * p.aspect, p.sigma_px)

@@ -1,13 +1,11 @@
 """Uneven light of a source."""
 
-from visaug.effects.effect import Noiseless, Parameter, Stage
+from visaug.effects.effect import Noiseless, Stage, Strength
 
 
-def _coefficient(default: float, source: str) -> Parameter:
+def _coefficient(default: float, source: str) -> Strength:
     """A coefficient of the surface, relative to the mean light."""
-    return Parameter(
-        default, unit="fraction", low=-0.5, high=0.5, strength=True, trials=(0.003, 0.02), source=source
-    )
+    return Strength(default, "fraction", -0.5, 0.5, source, trials=(0.003, 0.02))
 
 
 class UnevenLight(Noiseless):

@@ -1,6 +1,6 @@
 """Vignetting."""
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class Vignetting(Effect):
@@ -27,14 +27,7 @@ class Vignetting(Effect):
     )
     map_unit = "fraction of the light that passes"
     map_low = 0.0
-    corner_loss = Parameter(
-        0.2,
-        unit="fraction",
-        high=1.0,
-        strength=True,
-        trials=(0.08, 0.3),
-        source="loss in the corners: 5 to 60 %",
-    )
+    corner_loss = Strength(0.2, "fraction", 0.0, 1.0, "loss in the corners: 5 to 60 %", trials=(0.08, 0.3))
     power = Parameter(
         2.0,
         low=1.0,
@@ -49,20 +42,10 @@ class Vignetting(Effect):
         source="cos4: natural vignetting, R. Kingslake, Optical System Design (1983)",
     )
     centre_row = Parameter(
-        0.0,
-        unit="fraction",
-        low=-0.5,
-        high=0.5,
-        trials=(0.05,),
-        source="vertical offset of the optical axis from the centre",
+        0.0, "fraction", -0.5, 0.5, "vertical offset of the optical axis from the centre", trials=(0.05,)
     )
     centre_column = Parameter(
-        0.0,
-        unit="fraction",
-        low=-0.5,
-        high=0.5,
-        trials=(0.05,),
-        source="horizontal offset of the optical axis from the centre",
+        0.0, "fraction", -0.5, 0.5, "horizontal offset of the optical axis from the centre", trials=(0.05,)
     )
 
     def apply(self, signal, p, stream, context):

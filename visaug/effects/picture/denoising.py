@@ -4,7 +4,7 @@ import torch
 import torch.nn.functional as F
 
 from visaug.effects.effect import Spreading, Stage
-from visaug.effects.parameter import Parameter
+from visaug.effects.parameter import Parameter, Strength
 
 
 class Denoising(Spreading):
@@ -30,20 +30,9 @@ class Denoising(Spreading):
     separates = (
         "compare the noise of flat regions with that beside edges: a denoiser leaves more of it near edges"
     )
-    amount = Parameter(
-        1.0,
-        unit="fraction",
-        high=1.0,
-        strength=True,
-        trials=(0.5, 1.0),
-        source="mixture of both, as editors offer it",
-    )
+    amount = Strength(1.0, "fraction", 0.0, 1.0, "mixture of both, as editors offer it", trials=(0.5, 1.0))
     threshold = Parameter(
-        0.03,
-        unit="fraction",
-        high=1.0,
-        source="of full scale; three standard deviations of the noise",
-        of=("wavelet",),
+        0.03, "fraction", 0.0, 1.0, "of full scale; three standard deviations of the noise", of=("wavelet",)
     )
     filter = Parameter(
         "median", options=("median", "wavelet"), source="median: despeckling; wavelet: raw converters"

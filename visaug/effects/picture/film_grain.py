@@ -4,7 +4,7 @@ import torch
 import torch.nn.functional as F
 
 from visaug.effects.effect import Effect, Stage
-from visaug.effects.parameter import Parameter
+from visaug.effects.parameter import Parameter, Strength
 
 REACH_PX = 20  # four standard deviations of the coarsest grain
 
@@ -29,15 +29,10 @@ class FilmGrain(Effect):
     separates = (
         "compute the covariance of neighbours in a flat region: read and shot noise of a raw frame have none"
     )
-    sigma = Parameter(
-        0.03,
-        unit="fraction",
-        high=0.5,
-        strength=True,
-        trials=(0.02, 0.06),
-        source="of full scale at mid-grey; ISO 100 to 800",
+    sigma = Strength(
+        0.03, "fraction", 0.0, 0.5, "of full scale at mid-grey; ISO 100 to 800", trials=(0.02, 0.06)
     )
-    size_px = Parameter(0.8, unit="px", low=0.3, high=5.0, source="of a grain as scanned; standard deviation")
+    size_px = Parameter(0.8, "px", 0.3, 5.0, "of a grain as scanned; standard deviation")
 
     def apply(self, signal, p, stream, context):
         around = (range(side.start, side.stop + 2 * REACH_PX) for side in context.window)

@@ -51,7 +51,7 @@ class JPEG(Effect):
         "through the rounding"
     )
     quality = Parameter(
-        90.0, low=1.0, high=100.0, integer=True, trials=(95, 75), source="cameras: 85 to 98; SPEED+ is JPEG"
+        90.0, "1", 1.0, 100.0, "cameras: 85 to 98; SPEED+ is JPEG", integer=True, trials=(95, 75)
     )
     chroma = Parameter("half", options=("half", "full"), source="half: 4:2:0, most files; full: 4:4:4")
 

@@ -27,9 +27,7 @@ class ToneCurve(Effect):
     map_unit = "share of full scale"
     map_low = 0.0
     map_is_table = True
-    gamma = Parameter(
-        2.2, low=0.1, high=10.0, trials=(1.5, 2.2), source="1: none; 2.2: displays", of=("gamma",)
-    )
+    gamma = Parameter(2.2, "1", 0.1, 10.0, "1: none; 2.2: displays", trials=(1.5, 2.2), of=("gamma",))
     curve = Parameter(
         "gamma", options=("gamma", "srgb"), source="srgb: the curve of nearly all 8-bit pictures"
     )

@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class BlackLevelDrift(Effect):
@@ -25,12 +25,8 @@ class BlackLevelDrift(Effect):
         "compute the mean of each frame of a dark series: the whole frame shifts, with and without light; "
         "light_drift is absent in the dark"
     )
-    sigma_e = Parameter(
-        1.0, unit="e-", high=1e4, strength=True, trials=(0.3, 1.5), source="0.1 to 1 times the read noise"
-    )
-    correlation = Parameter(
-        0.9, unit="1", high=0.999, trials=(0.0, 0.9), source="depends on the frame rate; assumed"
-    )
+    sigma_e = Strength(1.0, "e-", 0.0, 1e4, "0.1 to 1 times the read noise", trials=(0.3, 1.5))
+    correlation = Parameter(0.9, "1", 0.0, 0.999, "depends on the frame rate; assumed", trials=(0.0, 0.9))
 
     def apply(self, signal, p, stream, context):
         course = stream.normal("frame")

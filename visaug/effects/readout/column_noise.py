@@ -1,6 +1,6 @@
 """Column noise."""
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Stage, Strength
 
 
 class ColumnNoise(Effect):
@@ -20,9 +20,7 @@ class ColumnNoise(Effect):
         "subtract two frames: dsnu and prnu cancel, column noise remains; the variance of column means is "
         "the same in the dark and with light"
     )
-    sigma_e = Parameter(
-        1.0, unit="e-", high=1e4, strength=True, source="0.1 to 1 times the read noise", trials=(0.5, 1.5)
-    )
+    sigma_e = Strength(1.0, "e-", 0.0, 1e4, "0.1 to 1 times the read noise", trials=(0.5, 1.5))
 
     def apply(self, signal, p, stream, context):
         return signal + p.sigma_e * stream.normal("column")

@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 MOST = 64  # channels; column-parallel sensors have 2 to 64 outputs
 READ = (2, 3, 4, 6, 8, 12, 16)  # interleaved channels that a look at the columns distinguishes,
@@ -42,25 +42,10 @@ class ColumnParity(Effect):
         "average many dark frames and compute the spectrum of the column means: lines at multiples of 1/n; the column part of "
         "dsnu is white, tap_mismatch has one step"
     )
-    offset_e = Parameter(
-        1.0, unit="e-", high=1e4, strength=True, trials=(0.3, 1.5), source="rms; a fraction of the read noise"
-    )
-    gain = Parameter(
-        0.0,
-        unit="fraction",
-        high=0.2,
-        strength=True,
-        trials=(0.002, 0.01),
-        source="rms; matched to 0.1 to 1 %",
-    )
+    offset_e = Strength(1.0, "e-", 0.0, 1e4, "rms; a fraction of the read noise", trials=(0.3, 1.5))
+    gain = Strength(0.0, "fraction", 0.0, 0.2, "rms; matched to 0.1 to 1 %", trials=(0.002, 0.01))
     channels = Parameter(
-        2.0,
-        unit="channels",
-        low=2.0,
-        high=MOST,
-        integer=True,
-        trials=(2, 4, 8),
-        source="2: odd and even columns",
+        2.0, "channels", 2.0, MOST, "2: odd and even columns", integer=True, trials=(2, 4, 8)
     )
     layout = Parameter(
         "interleaved", options=("interleaved", "blocks"), source="blocks: taps side by side, as in large CCDs"

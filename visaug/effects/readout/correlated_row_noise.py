@@ -1,6 +1,6 @@
 """Row noise with a memory."""
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 from visaug.effects.readout.coloured import coloured
 
 
@@ -28,10 +28,8 @@ class CorrelatedRowNoise(Effect):
         "compute the spectrum of the row means of single dark frames: row_noise is white, periodic_banding has a line, "
         "flicker_noise also varies within a row"
     )
-    sigma_e = Parameter(
-        1.0, unit="e-", high=1e4, strength=True, trials=(0.5, 1.5), source="0.1 to 1 times the read noise"
-    )
-    exponent = Parameter(1.0, high=2.5, trials=(0.6, 1.6), source="1: flicker; 2: a random walk")
+    sigma_e = Strength(1.0, "e-", 0.0, 1e4, "0.1 to 1 times the read noise", trials=(0.5, 1.5))
+    exponent = Parameter(1.0, "1", 0.0, 2.5, "1: flicker; 2: a random walk", trials=(0.6, 1.6))
     direction = Parameter("rows", options=("rows", "columns"), source="rows: one offset for each row")
 
     def apply(self, signal, p, stream, context):

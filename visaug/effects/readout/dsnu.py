@@ -1,6 +1,6 @@
 """Dark-signal non-uniformity."""
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Stage, Strength
 
 
 class DSNU(Effect):
@@ -22,15 +22,9 @@ class DSNU(Effect):
         "dark_current_nonuniformity is absent in bias frames and grows with the exposure"
     )
     map_unit = "e-"
-    column_e = Parameter(
-        0.0, unit="e-", high=1e4, strength=True, source="EMVA 1288: DSNU_col", trials=(0.5, 2.0)
-    )
-    row_e = Parameter(
-        0.0, unit="e-", high=1e4, strength=True, source="EMVA 1288: DSNU_row", trials=(0.3, 1.0)
-    )
-    pixel_e = Parameter(
-        0.0, unit="e-", high=1e4, strength=True, source="EMVA 1288: DSNU_pix", trials=(0.5, 2.0)
-    )
+    column_e = Strength(0.0, "e-", 0.0, 1e4, "EMVA 1288: DSNU_col", trials=(0.5, 2.0))
+    row_e = Strength(0.0, "e-", 0.0, 1e4, "EMVA 1288: DSNU_row", trials=(0.3, 1.0))
+    pixel_e = Strength(0.0, "e-", 0.0, 1e4, "EMVA 1288: DSNU_pix", trials=(0.5, 2.0))
 
     def apply(self, signal, p, stream, context):
         pattern = context.measured_map(self.name, signal)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 from visaug.effects.readout.steps import edges
 
 
@@ -39,15 +39,7 @@ class FixedPatternStructure(Effect):
         " periodic_banding and flicker_noise average out; dark-current patterns grow with the exposure"
     )
     map_unit = "e-"
-    amplitude_e = Parameter(
-        2.0,
-        unit="e-",
-        low=-1e4,
-        high=1e4,
-        strength=True,
-        trials=(1.0, 4.0),
-        source="5 e- for the paper's columns",
-    )
+    amplitude_e = Strength(2.0, "e-", -1e4, 1e4, "5 e- for the paper's columns", trials=(1.0, 4.0))
     period_px = Parameter(
         32.0,
         unit="px",
@@ -58,13 +50,7 @@ class FixedPatternStructure(Effect):
         of=("bands", "levels", "wave"),
     )
     curvature = Parameter(
-        0.0,
-        unit="1",
-        low=-1.0,
-        high=1.0,
-        trials=(0.5,),
-        source="of a slope, relative to its linear part",
-        of=("slope",),
+        0.0, "1", -1.0, 1.0, "of a slope, relative to its linear part", trials=(0.5,), of=("slope",)
     )
     edge = Parameter(
         0.33,
@@ -83,13 +69,7 @@ class FixedPatternStructure(Effect):
         of=("steps",),
     )
     second = Parameter(
-        -1.0,
-        unit="1",
-        low=-10.0,
-        high=10.0,
-        trials=(-1.0,),
-        source="of steps: the second relative to the first",
-        of=("steps",),
+        -1.0, "1", -10.0, 10.0, "of steps: the second relative to the first", trials=(-1.0,), of=("steps",)
     )
     shape = Parameter(
         "bands",

@@ -1,6 +1,6 @@
 """1/f noise."""
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 from visaug.effects.readout.coloured import STEEPEST, coloured, part_of_coloured
 
 
@@ -31,15 +31,9 @@ class FlickerNoise(Effect):
         "compute the spectrum of single dark frames along the readout: flicker noise rises towards low "
         "frequencies; row_noise is white over the rows and constant within a row"
     )
-    sigma_e = Parameter(
-        1.0, unit="e-", high=1e4, strength=True, trials=(0.5, 1.5), source="0.1 to 1 times the read noise"
-    )
+    sigma_e = Strength(1.0, "e-", 0.0, 1e4, "0.1 to 1 times the read noise", trials=(0.5, 1.5))
     exponent = Parameter(
-        1.0,
-        unit="1",
-        high=2.0,
-        trials=(0.7, 1.0, 1.4),
-        source="near 1 for MOS transistors; 2 is a random walk",
+        1.0, "1", 0.0, 2.0, "near 1 for MOS transistors; 2 is a random walk", trials=(0.7, 1.0, 1.4)
     )
     direction = Parameter(
         "rows", options=("rows", "columns"), source="rows: pixels of a row are read one after another"

@@ -3,7 +3,7 @@
 import torch
 import torch.nn.functional as F
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 MOST_PX = 5  # side of a cluster
 
@@ -36,29 +36,18 @@ class LineDefects(Effect):
     )
     differentiable = False
     why_not = "whether a line is defective is discrete; image and level have gradients elsewhere"
-    density = Parameter(
+    density = Strength(
         0.003,
         unit="share of lines",
         high=0.5,
-        strength=True,
         trials=(0.01, 0.04),
         source="grades of datasheets: 0 to 10 lines of a sensor",
     )
     level_e = Parameter(
-        10.0,
-        unit="e-",
-        high=1e6,
-        trials=(5.0, 20.0),
-        source="of bright and unstable lines; several times the read noise",
+        10.0, "e-", 0.0, 1e6, "of bright and unstable lines; several times the read noise", trials=(5.0, 20.0)
     )
     size_px = Parameter(
-        3.0,
-        unit="px",
-        low=1.0,
-        high=MOST_PX,
-        integer=True,
-        source="datasheets: clusters of 2 to 5 pixels",
-        of=("clusters",),
+        3.0, "px", 1.0, MOST_PX, "datasheets: clusters of 2 to 5 pixels", integer=True, of=("clusters",)
     )
     kind = Parameter("bright", options=("bright", "dead", "unstable"), source="classes of datasheets")
     shape = Parameter("columns", options=("columns", "rows", "clusters"), source="classes of datasheets")

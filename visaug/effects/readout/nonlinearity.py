@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Noiseless, Parameter, Stage
+from visaug.effects.effect import Noiseless, Parameter, Stage, Strength
 
 
 class Nonlinearity(Noiseless):
@@ -25,21 +25,19 @@ class Nonlinearity(Noiseless):
         "take flats at several exposures with constant light: the mean is not proportional to the exposure "
         "while dark frames do not change; blooming and saturation act only near the full well"
     )
-    quadratic = Parameter(
+    quadratic = Strength(
         -0.02,
         unit="fraction",
         low=-0.15,
         high=0.15,
-        strength=True,
         trials=(-0.01, -0.04),
         source="deviation at full scale; EMVA 1288 datasheets state 0.2 to 3 %",
     )
-    cubic = Parameter(
+    cubic = Strength(
         0.0,
         unit="fraction",
         low=-0.15,
         high=0.15,
-        strength=True,
         trials=(-0.01, -0.04),
         source="deviation at full scale; the next term of the curve",
     )

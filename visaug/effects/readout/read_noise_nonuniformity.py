@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class ReadNoiseNonuniformity(Effect):
@@ -30,11 +30,10 @@ class ReadNoiseNonuniformity(Effect):
     )
     map_unit = "e-"
     map_low = 0.0
-    excess_e = Parameter(
+    excess_e = Strength(
         1.0,
         unit="e-",
         high=1e4,
-        strength=True,
         trials=(0.7, 2.0),
         source="rms over the pixels of what each has beyond the common read noise; sCMOS: 0.5 to 1 e-",
     )

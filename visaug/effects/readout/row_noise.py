@@ -1,6 +1,6 @@
 """Row noise."""
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Stage, Strength
 
 
 class RowNoise(Effect):
@@ -17,9 +17,7 @@ class RowNoise(Effect):
         "subtract two frames: fixed patterns cancel, row noise remains; its spectrum over the rows is "
         "white, periodic_banding has a line, flicker_noise rises towards low frequencies"
     )
-    sigma_e = Parameter(
-        1.0, unit="e-", high=1e4, strength=True, source="0.1 to 1 times the read noise", trials=(0.5, 1.5)
-    )
+    sigma_e = Strength(1.0, "e-", 0.0, 1e4, "0.1 to 1 times the read noise", trials=(0.5, 1.5))
 
     def apply(self, signal, p, stream, context):
         return signal + p.sigma_e * stream.normal("row")

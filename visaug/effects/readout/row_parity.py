@@ -1,6 +1,6 @@
 """Odd and even rows."""
 
-from visaug.effects.effect import Noiseless, Parameter, Stage
+from visaug.effects.effect import Noiseless, Stage, Strength
 
 
 class RowParity(Noiseless):
@@ -23,24 +23,10 @@ class RowParity(Noiseless):
         "average many frames and subtract even from odd rows: constant in the dark (offset), growing with "
         "the light (gain); tap_mismatch has a single step instead"
     )
-    offset_e = Parameter(
-        1.0,
-        unit="e-",
-        low=-1e4,
-        high=1e4,
-        strength=True,
-        trials=(0.3, 1.0),
-        source="a fraction of the read noise; odd minus even",
+    offset_e = Strength(
+        1.0, "e-", -1e4, 1e4, "a fraction of the read noise; odd minus even", trials=(0.3, 1.0)
     )
-    gain = Parameter(
-        0.0,
-        unit="fraction",
-        low=-0.5,
-        high=0.5,
-        strength=True,
-        trials=(0.003, 0.01),
-        source="like a PRNU of rows; odd minus even",
-    )
+    gain = Strength(0.0, "fraction", -0.5, 0.5, "like a PRNU of rows; odd minus even", trials=(0.003, 0.01))
 
     def apply(self, signal, p, stream, context):
         side = (context.rows(signal) % 2).to(signal.dtype) - 0.5

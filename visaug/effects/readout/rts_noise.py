@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 from visaug.effects.telegraph import kept_states
 
 
@@ -36,24 +36,13 @@ class RTSNoise(Effect):
         "whether a pixel has a trap, and its state in a frame, are discrete; the image and the amplitude "
         "have gradients"
     )
-    density = Parameter(
-        0.003,
-        unit="share of pixels",
-        high=1.0,
-        strength=True,
-        trials=(0.001, 0.01),
-        source="0.1 to 1 % of CMOS pixels (Wang et al.)",
+    density = Strength(
+        0.003, "share of pixels", 0.0, 1.0, "0.1 to 1 % of CMOS pixels (Wang et al.)", trials=(0.001, 0.01)
     )
     amplitude_e = Parameter(
-        15.0,
-        unit="e-",
-        high=1e4,
-        trials=(10.0, 30.0),
-        source="mean; a few to tens of electrons (Wang et al.)",
+        15.0, "e-", 0.0, 1e4, "mean; a few to tens of electrons (Wang et al.)", trials=(10.0, 30.0)
     )
-    duty = Parameter(
-        0.5, unit="1", high=1.0, trials=(0.2, 0.5), source="fraction of the time in the upper level"
-    )
+    duty = Parameter(0.5, "1", 0.0, 1.0, "fraction of the time in the upper level", trials=(0.2, 0.5))
     kept = Parameter(
         0.0,
         unit="1",

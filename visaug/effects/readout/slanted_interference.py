@@ -4,7 +4,7 @@ import math
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class SlantedInterference(Effect):
@@ -26,12 +26,8 @@ class SlantedInterference(Effect):
         "compute the two-dimensional spectrum of single dark frames: one peak off both axes; that of periodic_banding lies on "
         "the axis of the rows"
     )
-    amplitude_e = Parameter(
-        1.0, unit="e-", high=1e4, strength=True, trials=(0.5, 2.0), source="0.1 to 1 times the read noise"
-    )
-    period_px = Parameter(
-        10.0, unit="px", low=2.0, high=1e4, trials=(5.0, 8.0, 14.0, 30.0), source="across the wave fronts"
-    )
+    amplitude_e = Strength(1.0, "e-", 0.0, 1e4, "0.1 to 1 times the read noise", trials=(0.5, 2.0))
+    period_px = Parameter(10.0, "px", 2.0, 1e4, "across the wave fronts", trials=(5.0, 8.0, 14.0, 30.0))
     angle_deg = Parameter(
         40.0,
         unit="deg",
