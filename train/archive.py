@@ -75,12 +75,7 @@ def unpack(archive: Path, folder: Path, progress: Progress | None = None) -> Non
             raise InputError(problem, file=archive, expected="a SPEED archive")
         target = folder / path
         if not target.is_file() or target.stat().st_size != size:
-            with (
-                _whole(archive),
-                whole_file(target) as temporary,
-                read() as content,
-                temporary.open("wb") as out,
-            ):
+            with _whole(archive), whole_file(target) as half, read() as content, half.open("wb") as out:
                 shutil.copyfileobj(content, out)
         if progress:
             progress("unpacking", done, total)
@@ -100,13 +95,10 @@ def _root(files: list[PurePosixPath], where: Path) -> PurePosixPath:
 
     def roots(marks: Iterable[str]) -> set[PurePosixPath]:
         """At most three levels down."""
-        lengths = {mark: len(PurePosixPath(mark).parts) for mark in marks}
-        return {
-            path.parents[length - 1]
-            for mark, length in lengths.items()
-            for path in files
-            if path.match(mark) and len(path.parts) - length <= 3
-        }
+        found = [
+            (path, len(PurePosixPath(mark).parts)) for mark in marks for path in files if path.match(mark)
+        ]
+        return {path.parents[length - 1] for path, length in found if len(path.parts) - length <= 3}
 
     found = roots(mark for reader in READERS for mark in reader.marks)
     found = found or {root for root in roots(LISTS) if root.name != "synthetic"}
@@ -118,11 +110,8 @@ def _root(files: list[PurePosixPath], where: Path) -> PurePosixPath:
 
 def check(root: Path) -> dict[str, PoseSet]:
     """Read every domain and split, which checks them; those without poses too."""
-    found = {
-        f"{domain}/{split}": read_poses(root, domain, split, labels=False)
-        for domain, splits in domains(root).items()
-        for split in splits
-    }
+    parts = [(domain, split) for domain, splits in domains(root).items() for split in splits]
+    found = {f"{domain}/{split}": read_poses(root, domain, split, labels=False) for domain, split in parts}
     if not any(poses.labelled for poses in found.values()):
         raise InputError("no image has a pose", file=root, expected="train.json with poses")
     return found
@@ -172,9 +161,8 @@ def prepare_dataset(
         folder = output.with_name(f"{output.name}-coco")
         for name, poses in labelled.items():
             files = [file.relative_to(root).as_posix() for file in poses.files]
-            write_json(
-                folder / f"{name.replace('/', '-')}.json", coco_annotations(poses, models[name], files)
-            )
+            content = coco_annotations(poses, models[name], files)
+            write_json(folder / f"{name.replace('/', '-')}.json", content)
         said.append(f"COCO annotations: {folder}")
     if width_height is not None:
         first, *more = _trained(sets, root)
@@ -184,10 +172,12 @@ def prepare_dataset(
         place = output.with_name(f"{output.name}-{width_height[0]}x{width_height[1]}")
         data_yaml = convert(parts, model, place, width_height, progress)
         said.append(f"labels: {data_yaml}")
-        if more:
-            said.append(
-                f"note: --size converts the first domain with a train split, {first}; not {', '.join(more)}"
-            )
+        left = ", ".join(more)
+        said += (
+            [f"note: --size converts the first domain with a train split, {first}; not {left}"]
+            if more
+            else []
+        )
     return "\n".join([*said, f"ready: {root}"])
 
 

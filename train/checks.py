@@ -23,17 +23,8 @@ from visaug_train.studies.target import check_cameras
 
 Say = Callable[[str], None]
 A_NETWORK = "a pose network, such as yolov8n-pose.yaml"
-OPTIMIZERS = (
-    "auto",
-    "Adam",
-    "Adamax",
-    "AdamW",
-    "NAdam",
-    "RAdam",
-    "RMSprop",
-    "SGD",
-    "MuSGD",
-)  # of ultralytics
+# of ultralytics
+OPTIMIZERS = ("auto", "Adam", "Adamax", "AdamW", "NAdam", "RAdam", "RMSprop", "SGD", "MuSGD")
 
 
 def check_apart(parts: dict[str, PoseSet], tests: dict[str, PoseSet]) -> None:
@@ -117,8 +108,7 @@ def check_network(model: str) -> None:
             yaml_model_load(model)
         except (OSError, AssertionError):  # the latter for another suffix
             expected = "a YAML such as yolov8n-pose.yaml, or the file of trained weights (NAME.pt)"
-            problem = f"no such network: {model}"
-            raise InputError(problem, field="model", expected=expected) from None
+            raise InputError(f"no such network: {model}", field="model", expected=expected) from None
         except Exception:
             raise InputError(f"{model} is no network", field="model", expected=A_NETWORK) from None
     try:
@@ -225,9 +215,8 @@ def seconds_per_image(config: Config, device: torch.device) -> float:
     for parameter in network.parameters():
         parameter.requires_grad_(True)
     on_gpu = device.type == "cuda"
-    batch = torch.zeros(
-        16 if on_gpu else 2, 3, side, side, device=device
-    )  # enough to fill a GPU; seconds on a CPU
+    # enough to fill a GPU; seconds on a CPU
+    batch = torch.zeros(16 if on_gpu else 2, 3, side, side, device=device)
     seconds = []
     for _ in range(3):
         began = time.perf_counter()

@@ -64,7 +64,7 @@ def ablate(config_path: Path, seed: int = 0, progress: Progress | None = None) -
         report = write_report(ablation)
     lines = [table.to_markdown() for table in ablation.tables().values()]
     lines += [f"failed: {f.arm}, seed {f.seed}: {f.error}" for f in ablation.failures]
-    text = "\n".join([*lines, f"{ablation.interval_covers}", f"tables: {written}", f"report: {report}"])
+    text = "\n".join([*lines, ablation.interval_covers, f"tables: {written}", f"report: {report}"])
     if ablation.failures:
         raise PartlyFailed(text)
     return text
@@ -173,9 +173,8 @@ def submission(
         problem = f"{poses.name} has no labels, so there is nothing to score"
         raise InputError(problem, field="--poses", expected="the CSV to write for a submission")
     if not np.isfinite(keypoints.points_m).all():
-        problem = (
-            f"{poses.name} does not say where on the spacecraft its points are, so no pose follows from them"
-        )
+        problem = f"{poses.name} does not say where on the spacecraft its points are"
+        problem += ", so no pose follows from them"
         raise InputError(problem, field="keypoints", expected="a YAML file with points_m in metres")
     count = len(poses)
     missing = save_submission(path, poses, [pose_of(each, keypoints, poses) for each in detections])

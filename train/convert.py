@@ -52,7 +52,7 @@ def convert(
         # Copies stand for themselves; links lead somewhere.
         "linked": None
         if size
-        else {name: _way(poses.files[0].parent, destination, beside) for name, poses in parts.items()},
+        else {n: _way(p.files[0].parent, destination, beside) for n, p in parts.items()},
     }
     data_yaml = destination / "data.yaml"
     content = {
@@ -116,10 +116,10 @@ def label_lines(poses: PoseSet, keypoints: Keypoints) -> list[str]:
     boxes = np.concatenate([(low + high) / 2, high - low], axis=1)
     points = np.where(targets.inside[..., None], targets.points / size, 0.0)
     rows = np.concatenate([points, 2.0 * targets.inside[..., None]], axis=2).reshape(len(poses), -1)
-    return [
-        " ".join(["0", *(f"{value:.6f}" for value in (*box, *row))]) + "\n" if seen else ""
-        for seen, box, row in zip(targets.seen, boxes, rows)
+    lines = [
+        " ".join(["0", *(f"{value:.6f}" for value in row)]) for row in np.concatenate([boxes, rows], axis=1)
     ]
+    return [line + "\n" if seen else "" for seen, line in zip(targets.seen, lines)]
 
 
 def coco_annotations(poses: PoseSet, keypoints: Keypoints, files: Sequence[str]) -> dict[str, Any]:

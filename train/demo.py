@@ -195,12 +195,8 @@ def run_demo(
         with timed("a second hidden effect"):
             sections += hidden_effect_sections(output / "hidden_effect", seed, progress)
     sections.append(timing_section(ablation, seconds))
-    page = Page(
-        "Sensor noise as augmentation: the demonstration",
-        " ".join(said),
-        sections,
-        footer=footer(None, None, seed),
-    )
+    title = "Sensor noise as augmentation: the demonstration"
+    page = Page(title, " ".join(said), sections, footer=footer(None, None, seed))
     return write_page(output / "report.html", page), said
 
 
@@ -230,10 +226,8 @@ def finding(ablation: Ablation, output: Path, seed: int = 0) -> list[str]:
 
 def _first_screen(ablation: Ablation) -> Section:
     """The finding as a picture."""
-    points = {
-        domain: {arm: ablation.of_seeds(arm, domain, "oks_coco") for arm in ablation.means}
-        for domain in ablation.study.tests
-    }
+    arms, domains = ablation.means, ablation.study.tests
+    points = {d: {arm: ablation.of_seeds(arm, d, "oks_coco") for arm in arms} for d in domains}
     caption = (
         "Mean OKS (COCO's) on each test set: bars are means over the trainings, dots the single trainings."
     )

@@ -144,23 +144,16 @@ def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list
         "score": likeliest(scores),
         "distance_m": np.linalg.norm(poses.translations, axis=1),
         "aspect_deg": _aspect_deg(poses),
-        "brightness": np.array(
-            [_brightness(*each) for each in zip(poses.files, targets.boxes, targets.seen)]
-        ),
+        "brightness": np.array(list(map(_brightness, poses.files, targets.boxes, targets.seen))),
     }
     found = [pose_of(each, keypoints, poses) for each in detections] if poses.posed else []
     if poses.posed:
         table |= _of_poses(found, poses, targets.seen)
     if not all(np.isfinite(each.boxes).all() for each in detections):
         del similarities["box"], table["iou"]
-    precision = {}
-    for name, values in similarities.items():
-        ignored, most = (
-            (np.zeros(len(poses), bool), BOXES_PER_IMAGE)
-            if name == "box"
-            else (~visible, KEYPOINT_SETS_PER_IMAGE)
-        )
-        precision[name] = PrecisionTable(scores, values, targets.seen, ignored, most)
+    counting = dict.fromkeys(DEFINITIONS, (~visible, KEYPOINT_SETS_PER_IMAGE))
+    counting["box"] = np.zeros(len(poses), bool), BOXES_PER_IMAGE
+    precision = {n: PrecisionTable(scores, v, targets.seen, *counting[n]) for n, v in similarities.items()}
     return Evaluation(domain, poses, targets, detections, table, precision, found)
 
 
@@ -177,11 +170,9 @@ def _of_poses(found: list[Pose | None], poses: PoseSet, seen: np.ndarray) -> dic
     answered = np.array([pose is not None for pose in found])
     given = np.array([np.full(7, np.nan) if pose is None else np.concatenate(pose) for pose in found])
     exact = pose_errors(given[:, :4], given[:, 4:], poses.quaternions, poses.translations)
-    off, turned_deg = (np.where(seen, errors, np.nan) for errors in exact)
+    off, turned_deg = found_errors = [np.where(seen, errors, np.nan) for errors in exact]
     # fmin passes over the NaN of an image without an answer
-    position, attitude_deg = (
-        np.where(seen, np.fmin(errors, most), np.nan) for errors, most in zip((off, turned_deg), NO_POSE)
-    )
+    position, attitude_deg = (np.where(seen, np.fmin(*each), np.nan) for each in zip(found_errors, NO_POSE))
     floors = poses.domain in FLOORED_DOMAINS
     without_limit = (off, turned_deg, spec_score(off, turned_deg, floors))
     return {

@@ -173,8 +173,7 @@ def _at(effect: dict[str, Any], end: int) -> dict[str, Any]:
         if isinstance(value, list | tuple):
             numbers = [v for v in value if isinstance(v, int | float) and not isinstance(v, bool)]
             if len(value) != 2 or len(numbers) != 2 or value[0] > value[1]:
-                raise InputError(
-                    f"is {value}", field=f"effects.{effect['name']}.{key}", expected="a number or [low, high]"
-                )
+                field = f"effects.{effect['name']}.{key}"
+                raise InputError(f"is {value}", field=field, expected="a number or [low, high]")
             found[key] = value[end]
     return found

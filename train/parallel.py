@@ -105,9 +105,7 @@ class Workers:
         context = get_context("spawn")  # a fork would copy locks that threads hold
         self._heard = context.SimpleQueue()
         alive, self._alive = context.Pipe(duplex=False)  # its end is the end of the workers
-        self._pool = ProcessPoolExecutor(
-            processes, context, initializer=_begin, initargs=(self._heard, alive)
-        )
+        self._pool = ProcessPoolExecutor(processes, context, _begin, (self._heard, alive))
         self._teller = threading.Thread(target=self._show, daemon=True)
 
     def __enter__(self) -> "Workers":

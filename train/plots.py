@@ -74,16 +74,14 @@ def plot_scores(
         axes = figure.subplots()
         for j, (training, colour) in enumerate(zip(trainings, ARM_COLOURS * 4)):
             place = (j - (len(trainings) - 1) / 2) * width
-            trained = [
-                (i + place, bars[training]) for i, bars in enumerate(points.values()) if bars.get(training)
-            ]
+            groups = enumerate(points.values())
+            trained = [(i + place, bars[training]) for i, bars in groups if bars.get(training)]
             means = [float(np.mean(values)) for _, values in trained]
             axes.bar([x for x, _ in trained], means, width * 0.92, color=colour, alpha=0.8, label=training)
             for x, values in trained:
                 axes.plot([x] * len(values), values, "o", color="#1c2430", markersize=3.5)
         axes.set_xticks(range(len(points)), [name.replace("_", " ") for name in points])
-        axes.set_ylabel(score)
-        axes.set_ylim(0, 1)
+        axes.set(ylabel=score, ylim=(0, 1))
         axes.grid(axis="x", visible=False)
         figure.legend(ncols=3, loc="outside upper center")
     return figure

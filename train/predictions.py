@@ -92,9 +92,8 @@ class ImageNames:
     def _index(self, text: object) -> int | None:
         path = _path(text)
         whole = "/".join(path.parts[-self.depth :])
-        return next(
-            (self.names[n] for n in (whole, _stem(whole), path.name, path.stem) if n in self.names), None
-        )
+        forms = (whole, _stem(whole), path.name, path.stem)
+        return next((self.names[form] for form in forms if form in self.names), None)
 
     def _sets(self, text: object) -> set[str]:
         """The sets that have an image of this name; where its folders tell sets apart, those that have the folders too.
@@ -110,9 +109,10 @@ class ImageNames:
 
     def note(self, say: Say) -> None:
         """Say how many names were passed over that are of this domain, but of none of the images that are scored."""
-        if count := self.passed[self.poses.domain]:
+        poses = self.poses
+        if count := self.passed[poses.domain]:
             say(
-                f"names of other images of {self.poses.domain} than those of {self.poses.name} were passed over: {count}"
+                f"names of other images of {poses.domain} than those of {poses.name} were passed over: {count}"
             )
 
     def none_found(self, file: Path) -> InputError:
@@ -269,19 +269,14 @@ def predict(
     detections: list[Detections] = []
     how: dict[str, Any] = {"imgsz": image_size, "conf": 0.001, "max_det": 20, "batch": 32, "device": device}
     for first in range(0, len(poses), 64):
-        images = [
-            reduced(read_image(file, poses.camera, cv2.IMREAD_COLOR), size, reduce)
-            for file in poses.files[first : first + 64]
-        ]
+        images = [read_image(f, poses.camera, cv2.IMREAD_COLOR) for f in poses.files[first : first + 64]]
+        images = [reduced(image, size, reduce) for image in images]
         results: Any = model.predict(images, verbose=False, save=False, **how)
         for result in results:
-            boxes, scores, points = (
-                tensor.cpu().numpy().astype(float)
-                for tensor in (result.boxes.xyxy, result.boxes.conf, result.keypoints.data)
-            )
-            detections.append(
-                Detections(boxes * np.tile(back, 2), points[..., :2] * back, points[..., 2], scores)
-            )
+            found = result.boxes.xyxy, result.keypoints.data, result.boxes.conf
+            boxes, points, scores = (tensor.cpu().numpy().astype(float) for tensor in found)
+            boxes, places = boxes * np.tile(back, 2), points[..., :2] * back
+            detections.append(Detections(boxes, places, points[..., 2], scores))
         if progress:
             progress(title, len(detections), len(poses))
     return detections

@@ -14,9 +14,7 @@ TRACKERS |= {"comet": "comet_ml", "dvc": "dvclive"}
 
 
 def quiet_ultralytics(folder: str | Path) -> None:
-    """Set what ultralytics reads when it is first imported; its settings go to `folder` unless a place is
-    set.
-    """
+    """Set what ultralytics reads when it is first imported; its settings go to `folder` unless a place is set."""
     switches = {"YOLO_OFFLINE": "1", "YOLO_AUTOINSTALL": "0", "YOLO_VERBOSE": "false"}
     switches["ULTRALYTICS_SAFE_LOAD"] = "1"  # networks and checkpoints are data, and run no code
     for name, value in switches.items():

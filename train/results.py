@@ -113,17 +113,14 @@ class Ablation:
     def _over_seeds(
         self, summaries: Mapping[tuple[str, int], Any], statistic: Callable = np.mean, least: int = 1
     ) -> tables.Scores:
-        found = {}
+        found: dict[str, dict[str, dict[str, float]]] = {}
         for arm in self.config.arms:
             runs = [summaries[arm, seed] for seed in self.seeds(arm) if (arm, seed) in summaries]
             if len(runs) >= least:
-                found[arm] = {
-                    domain: {
-                        m: float(statistic([tables.value(r[domain], m) for r in runs]))
-                        for m in tables.MEASURES
-                    }
-                    for domain in self.study.tests
-                }
+                found[arm] = {}
+                for domain in self.study.tests:
+                    values = {m: [tables.value(r[domain], m) for r in runs] for m in tables.MEASURES}
+                    found[arm][domain] = {m: float(statistic(v)) for m, v in values.items()}
         return found
 
     @cached_property
@@ -150,9 +147,7 @@ class Ablation:
             found: dict[str, list[str]] = {}
             for (arm, seed), (run, _) in self.scored.items():
                 found.setdefault(str(run.surroundings.get(key, "none")), []).append(f"{arm} seed {seed}")
-            said = [
-                f"{value} ({counted(len(runs), 'run')}, such as {runs[0]})" for value, runs in found.items()
-            ]
+            said = [f"{v} ({counted(len(runs), 'run')}, such as {runs[0]})" for v, runs in found.items()]
             several += [f"{key} {', '.join(said)}"] if len(found) > 1 else []
         return f"The runs were not trained alike: {'; '.join(several)}." if several else ""
 
@@ -231,12 +226,9 @@ class Ablation:
         if config.published:
             made["keypoints"] = made["keypoints"].with_note(tables.WHICH_OKS)
             made["comparison"] = tables.comparison_table(self.means)
-        made["poses"] = tables.pose_table(
-            {
-                arm: {d: [runs[arm, s][d] for s in self.seeds(arm)] for d in self.study.tests}
-                for arm in self.means
-            }
-        )
+        tests = self.study.tests
+        poses = {a: {d: [runs[a, s][d] for s in self.seeds(a)] for d in tests} for a in self.means}
+        made["poses"] = tables.pose_table(poses)
         made["differences"] = tables.difference_table(self.differences, config.baseline)
         if self.others:
             others = self._over_seeds(self.others)
@@ -288,10 +280,9 @@ class Ablation:
         write_json(folder / "ablation.json", self.to_json())
         for (arm, seed), (_, each) in self.scored.items():
             for domain, evaluation in each.items():
-                evaluation.write_csv(folder / "images" / f"{arm}-seed{seed}-{domain}.csv")
-                save_poses(
-                    folder / "poses" / f"{arm}-seed{seed}-{domain}.csv", evaluation.poses, evaluation.found
-                )
+                name = f"{arm}-seed{seed}-{domain}.csv"
+                evaluation.write_csv(folder / "images" / name)
+                save_poses(folder / "poses" / name, evaluation.poses, evaluation.found)
         return folder / "tables.md"
 
 

@@ -36,9 +36,7 @@ class PoseSet:
     quaternions: np.ndarray  # of the poses, (N, 4) scalar first, p_camera = R p_body + r; NaN if unknown
     translations: np.ndarray  # of the poses, (N, 3) in metres
     keypoints: Keypoints | None = None  # the data set's own points of the spacecraft
-    boxes: np.ndarray | None = (
-        None  # annotated, (N, 4) x0 y0 x1 y1 in pixels, NaN where an image has no target
-    )
+    boxes: np.ndarray | None = None  # annotated, (N, 4) x0 y0 x1 y1 in pixels; NaN: no target in the image
     points: np.ndarray | None = None  # annotated keypoints (N, K, 3): x, y in pixels and COCO's visibility
     spacecraft: str = "tango"  # whose points are meant where `keypoints` is None
 
@@ -62,9 +60,7 @@ class PoseSet:
 
     @cached_property
     def ids(self) -> tuple[str, ...]:
-        """A name of each image that no other has: the file's, with as many of its folders as that takes:
-        `a.png`, or `scene_1/rgb/a.png`.
-        """
+        """A name of each image that no other has, `a.png` or `scene_1/rgb/a.png`: with as many folders as that takes."""
         longest = max((len(file.parts) for file in self.files), default=1)
         parts = 1
         while parts < longest and len({file.parts[-parts:] for file in self.files}) < len(self.files):
@@ -155,23 +151,17 @@ def listings(root: Path) -> dict[str, tuple[Path, Path]]:
     if not root.is_dir():
         raise InputError(f"{root}: no such folder; expected a SPEED or SPEED+ folder")
     if is_speed(root):
-        stems = {
-            "speed/all": "train",
-            "real/test": "real",
-            "test/test": "test",
-            "real_test/test": "real_test",
-        }
+        stems = {"speed/all": "train", "real/test": "real"}
+        stems |= {"test/test": "test", "real_test/test": "real_test"}
         places = {name: (root / f"{stem}.json", root / "images" / stem) for name, stem in stems.items()}
     else:
         folders = [folder for folder in sorted(root.iterdir()) if (folder / "images").is_dir()]
-        places = {
-            f"{f.name}/{split}": (f / f"{split}.json", f / "images") for f in folders for split in SPLITS
-        }
+        parts = [(folder, split) for folder in folders for split in SPLITS]
+        places = {f"{f.name}/{split}": (f / f"{split}.json", f / "images") for f, split in parts}
     found = {name: place for name, place in places.items() if place[0].is_file()}
     if not found:
-        raise InputError(
-            f"{root}: expected train.json and images/, or folders like synthetic/ with train.json"
-        )
+        expected = "train.json and images/, or folders like synthetic/ with train.json"
+        raise InputError(f"{root}: expected {expected}")
     return found
 
 
@@ -269,14 +259,11 @@ def check_images(poses: PoseSet, listing: Path) -> None:
     """Refuse a list of images that are not there, or not of the camera's size."""
     folders = {file.parent for file in poses.files}
     present = {file for folder in folders if folder.is_dir() for file in folder.iterdir()}
-    missing = [file for file in poses.files if file not in present]
-    if missing:
-        raise InputError(
-            f"{listing}: {len(missing)} of {len(poses)} images are missing, the first is {missing[0]}"
-        )
+    if missing := [file for file in poses.files if file not in present]:
+        problem = f"{len(missing)} of {len(poses)} images are missing, the first is {missing[0]}"
+        raise InputError(problem, file=listing)
     for file in poses.files[:: max(1, len(poses) // 32)]:  # the rest is checked when it is read
-        size = image_size(file)
-        if size != poses.camera.size:
+        if (size := image_size(file)) != poses.camera.size:
             raise InputError(
                 f"{file}: wrong camera: camera.json says {poses.camera.width} x {poses.camera.height} pixels, "
                 f"the image has {size[0]} x {size[1]}"

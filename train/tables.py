@@ -82,8 +82,7 @@ class ResultTable:
     def to_csv(self) -> str:
         """Comma-separated, with the head."""
         buffer = io.StringIO()
-        writer = csv.writer(buffer, lineterminator="\n")
-        writer.writerows([self.head, *self.rows])
+        csv.writer(buffer, lineterminator="\n").writerows([self.head, *self.rows])
         return buffer.getvalue()
 
     def to_latex(self) -> str:
@@ -142,14 +141,13 @@ def difference_table(differences: Sequence[Any], baseline: str) -> ResultTable:
     where all rows are taken together.
     """
     head = ["arm", "domain", "measure", baseline, "arm's", "difference", "95 % interval"]
+    head += ["clear of 0", "clear among all rows"]
     rows = []
     for d in differences:
         scores = [_number(d.reference), _number(d.reference + d.difference), f"{d.difference:+.4f}"]
+        scores.append(f"[{d.low:+.4f}, {d.high:+.4f}]")
         clear = ["yes" if is_so else "no" for is_so in (d.clear, d.clear_in_family)]
-        rows.append(
-            [d.arm, d.domain, MEASURES[d.measure][1], *scores, f"[{d.low:+.4f}, {d.high:+.4f}]", *clear]
-        )
-    head += ["clear of 0", "clear among all rows"]
+        rows.append([d.arm, d.domain, MEASURES[d.measure][1], *scores, *clear])
     return ResultTable(f"Differences to {baseline}", head, rows, by_chance(differences))
 
 
@@ -183,18 +181,15 @@ def weights_table(headline: str, means: Scores, other: str, others: Scores) -> R
     """The same runs' other weights beside those of all other tables: means over seeds."""
     measures = ("box_ap", "keypoint_ap_paper", "keypoint_ap_coco")
     head = ["arm", "domain", *(f"{MEASURES[m][1]}, {w}" for m in measures for w in (headline, other))]
+    places = [(arm, domain) for arm in others for domain in others[arm]]
     rows = [
-        [arm, domain, *(_number(each[arm][domain][m]) for m in measures for each in (means, others))]
-        for arm in others
-        for domain in others[arm]
+        [a, d, *(_number(each[a][d][m]) for m in measures for each in (means, others))] for a, d in places
     ]
-    return ResultTable(
-        f"Weights of the same runs: {headline} and {other}",
-        head,
-        rows,
+    note = (
         f"All other tables hold {headline}. `best` is the epoch that the clean validation images chose, which may be the one "
-        "that has seen the least noise.",
+        "that has seen the least noise."
     )
+    return ResultTable(f"Weights of the same runs: {headline} and {other}", head, rows, note)
 
 
 def overview_table(means: Scores, differences: Sequence[Any], baseline: str, most: int = 100) -> ResultTable:
@@ -229,9 +224,8 @@ def overview_table(means: Scores, differences: Sequence[Any], baseline: str, mos
 
 def change(difference: Any) -> str:
     """A difference with its interval and a one-word conclusion."""
-    d = difference
-    improves = sign(d.low, d.high) * (1 if MEASURES[d.measure][2] else -1)
-    return f"{('not clear', 'better', 'worse')[improves]}: {d}"
+    improves = sign(difference.low, difference.high) * (1 if MEASURES[difference.measure][2] else -1)
+    return f"{('not clear', 'better', 'worse')[improves]}: {difference}"
 
 
 POSE_COLUMNS = {

@@ -168,9 +168,8 @@ def _from_weights(config: Config, weights: Path) -> Path:
         try:
             network.load_state_dict(load(content))
         except RuntimeError:
-            raise InputError(
-                "is the state of another network", file=weights, expected=f"that of {config.model}"
-            ) from None
+            problem = "is the state of another network"
+            raise InputError(problem, file=weights, expected=f"that of {config.model}") from None
         with whole_file(made) as partial_file:
             model.save(partial_file)
     return made
@@ -223,7 +222,7 @@ def _train(
     if state is not None and state["exact"]["over"]:
         callbacks.finish(folder, state)
         return state["exact"]["seconds"]
-    kept = callbacks.Checkpoints(seed, state)
+    kept = callbacks.Checkpoints(seed, state, progress and partial(progress, title))
     if state is None:
         shutil.rmtree(folder, ignore_errors=True)
         model = YOLO(config.model, task="pose", verbose=False)
@@ -233,7 +232,6 @@ def _train(
     else:
         model = YOLO(str(callbacks.restore(folder, state)), task="pose")
         how = {"resume": True, "save_dir": str(folder.resolve())}
-    callbacks.follow(model, title, progress)
     kept.attach(model)
     model.add_callback("on_train_epoch_start", partial(callbacks.close_noise, clean_epochs))
     model.add_callback("on_train_batch_start", partial(callbacks.keep_batch, arguments.get("batch", 16)))

@@ -71,11 +71,8 @@ def files_of(root: str | Path) -> dict[str, set[Path]]:
     """Files of the images by domain/split."""
     reader, root = reader_of(root), Path(root)
     if reader is not None:
-        return {
-            f"{domain}/{split}": set(reader.read(root, domain, split).files)
-            for domain, splits in reader.domains(root).items()
-            for split in splits
-        }
+        parts = [(domain, split) for domain, splits in reader.domains(root).items() for split in splits]
+        return {f"{domain}/{split}": set(reader.read(root, domain, split).files) for domain, split in parts}
     found = {}
     for name, (listing, images) in speed.listings(root).items():
         records = read_json(listing)

@@ -93,12 +93,11 @@ def _corners(root: Path, number: int) -> Keypoints | None:
         return None
     info = _table(file).get(str(number))
     if not isinstance(info, dict):
-        expected = "min_x ... size_z of this object"
-        raise InputError("is missing", file=file, field=str(number), expected=expected)
-    low, size = (
-        np.array([numbers_of(info, f"{of}_{axis}", 0, file, str(number)) for axis in "xyz"])
-        for of in ("min", "size")
-    )
+        raise InputError(
+            "is missing", file=file, field=str(number), expected="min_x ... size_z of this object"
+        )
+    names = [f"{of}_{axis}" for of in ("min", "size") for axis in "xyz"]
+    low, size = np.split(np.array([numbers_of(info, name, 0, file, str(number)) for name in names]), 2)
     corners = np.array(list(product((0, 1), repeat=3)))
     names = tuple("corner_" + "".join(map(str, corner)) for corner in corners)
     return Keypoints(f"obj_{number:06d}", names, (low + corners * size) / 1000)

@@ -82,10 +82,8 @@ def _read(root: Path, domain: str, split: str) -> PoseSet:
             raise InputError(problem, file=listing, field=where, expected="one an image")
         x, y, width, height = numbers_of(entry, "bbox", 4, listing, where)
         if width < 0 or height < 0:
-            field = f"{where}.bbox"
-            raise InputError(
-                "a width or height is negative", file=listing, field=field, expected="x, y, w, h"
-            )
+            problem = "a width or height is negative"
+            raise InputError(problem, file=listing, field=f"{where}.bbox", expected="x, y, w, h")
         boxes[row] = x, y, x + width, y + height
         points[row] = numbers_of(entry, "keypoints", points[row].size, listing, where).reshape(-1, 3)
     unknown = np.full((len(images), 7), np.nan)
@@ -101,9 +99,8 @@ def _model(categories: list[Any], file: Path) -> tuple[Keypoints, Any]:
     """The one category with keypoints; their places on the body are not known (NaN)."""
     found = [c for c in categories if _has_keypoints(c) and c["keypoints"]]
     if len(found) != 1:
-        raise InputError(
-            f"{len(found)} have keypoints", file=file, field="categories", expected="one that has"
-        )
+        problem = f"{len(found)} have keypoints"
+        raise InputError(problem, file=file, field="categories", expected="one that has")
     names = tuple(map(str, found[0]["keypoints"]))
     sigmas, flip = found[0].get("sigmas"), found[0].get("flip_idx")
     if sigmas is not None:

@@ -46,8 +46,9 @@ def _spe3r_domains(root: Path) -> dict[str, tuple[str, ...]]:
     except (UnicodeDecodeError, csv.Error):
         raise InputError("is no CSV text", file=file, expected="spacecraft,train in UTF-8") from None
     if not all(len(row) == 2 and row[1] in ("train", "test") for row in rows):
-        expected = "spacecraft,train or spacecraft,test on each line"
-        raise InputError("is malformed", file=file, expected=expected)
+        raise InputError(
+            "is malformed", file=file, expected="spacecraft,train or spacecraft,test on each line"
+        )
     splits = {"train": ("train", "validation"), "test": ("test",)}
     return {name: splits[split] for name, split in rows if (root / name / "labels.json").is_file()}
 
@@ -67,9 +68,8 @@ def _read_spe3r(root: Path, domain: str, split: str) -> PoseSet:
         problem = f"{unnumbered[0]} has no number, by which images train or validate"
         raise InputError(problem, file=folder / "labels.json", field="filename", expected="img000001")
     numbers = np.array([int(stem) for stem in stems])
-    held_out = ((numbers > 400) & (numbers <= 500)) | (
-        (numbers > 900) & (numbers <= 1000)
-    )  # the authors' loader
+    # as the authors' loader has it
+    held_out = ((numbers > 400) & (numbers <= 500)) | ((numbers > 900) & (numbers <= 1000))
     return poses.select(np.flatnonzero(held_out == (split == "validation")))
 
 

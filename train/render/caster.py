@@ -18,8 +18,7 @@ FAR = 1e9
 
 @dataclass(frozen=True, eq=False)
 class Views:
-    """What to render, B images. Directions point from the target to the light, in the camera's frame, unit
-    length.
+    """What to render, B images. Directions point from the target to the light, in the camera's frame, unit length.
 
     quaternions (B, 4), translations (B, 3) m, sun (B, 3), sun_level (B), fill (B, 3), fill_level (B).
     """
@@ -41,10 +40,7 @@ def join(views: Sequence[Views]) -> Views:
 
 
 class RayCaster:
-    """Renders one scene through one camera with `samples` x `samples` rays a pixel.
-
-    Images of two devices differ by rounding.
-    """
+    """Renders one scene through one camera with `samples` x `samples` rays a pixel; devices differ by rounding."""
 
     def __init__(
         self, camera: Pinhole, samples: int = 2, scene: SceneTensors | None = None, device: str = "cpu"
@@ -84,10 +80,7 @@ class RayCaster:
             return radiance.reshape(shape).cpu(), covered.reshape(shape).cpu()
 
     def _rays_at_targets(self, views: Views) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Rays that may meet the target, in the body frame.
-
-        Directions, origins by image, image and pixel of each.
-        """
+        """Rays that may meet the target, in the body frame: directions, origins by image, image and pixel of each."""
         camera, s = self.camera, self.samples
         keypoints = Keypoints.load("tango")
         boxes = project_targets(camera, keypoints, views.quaternions, views.translations).boxes
@@ -126,8 +119,7 @@ class RayCaster:
         direct = level * lit * reflect(albedo, f0, roughness, shading_normal, view, light)
         sky = fill[hit].norm(dim=1).clamp_min(1e-12)
         toward = (shading_normal * fill[hit]).sum(1) / sky
-        # Half a sky of even light: (1 + cos) / 2 of it is seen; what it mirrors in smooth parts is taken as
-        # its mean.
+        # Half a sky of even light: (1 + cos) / 2 of it is seen; what it mirrors in smooth parts is taken as its mean.
         indirect = sky * (albedo + f0) * (0.5 + 0.5 * toward)
         return direct + indirect, hit
 
@@ -135,10 +127,7 @@ class RayCaster:
 def nearest(
     scene: SceneTensors, origin: torch.Tensor, direction: torch.Tensor
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """First box that each ray (N, 3) meets.
-
-    Distance (N) (FAR where none), its index (N), its normal (N, 3).
-    """
+    """First box that each ray (N, 3) meets: distance (N) (FAR where none), its index (N), its normal (N, 3)."""
     turns = scene.axes.reshape(-1, 3)  # all boxes in one matrix product, laid out (box, axis, ray)
     shift = (scene.axes @ scene.centres[:, :, None]).reshape(-1, 1)
     shape = (len(scene.axes), 3, len(origin))
@@ -165,10 +154,7 @@ def reflect(
     view: torch.Tensor,
     light: torch.Tensor,
 ) -> torch.Tensor:
-    """Radiance under a unit sun.
-
-    Lambert and GGX with Smith's shadowing (Walter et al. 2007) and Schlick's Fresnel.
-    """
+    """Radiance under a unit sun: Lambert and GGX with Smith's shadowing (Walter et al. 2007) and Schlick's Fresnel."""
     nl = (normal * light).sum(1).clamp_min(0)
     nv = (normal * view).sum(1).clamp_min(1e-3)
     half = torch.nn.functional.normalize(light + view, dim=1)

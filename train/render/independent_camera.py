@@ -13,8 +13,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class IndependentCamera:
-    """A 12-bit camera: photons in, DN out. A level of 0 turns an effect off; the fixed pattern hangs on
-    `serial`.
+    """A 12-bit camera: photons in, DN out. A level of 0 turns an effect off; the fixed pattern hangs on `serial`.
 
     Beyond a base chain (quantum efficiency, shot noise, read noise with heavy tails, pixel and column patterns) it has
 
@@ -93,15 +92,8 @@ class IndependentCamera:
 
     def without_effects(self) -> "IndependentCamera":
         """The same camera with its base chain alone."""
-        levels = (
-            "row_noise_e",
-            "row_banding_e",
-            "tap_gain",
-            "tap_offset_e",
-            "bloom_share",
-            "flare_share",
-            "bend",
-        )
+        levels = ("row_noise_e", "row_banding_e", "tap_gain", "tap_offset_e")
+        levels += ("bloom_share", "flare_share", "bend")
         return replace(self, **dict.fromkeys(levels, 0.0))
 
 
@@ -153,9 +145,7 @@ SUNLAMP_LINES_CAMERA = replace(
 
 
 def _bloom(charge: np.ndarray, full_well_e: float, share: float) -> np.ndarray:
-    """Half of the excess goes up the column, half down; `share` of it survives each step; the rest is
-    drained.
-    """
+    """Half of the excess goes up the column, half down; `share` of it survives each step; the rest is drained."""
     if share <= 0:
         return np.minimum(charge, full_well_e)
     excess = np.maximum(charge - full_well_e, 0)

@@ -191,10 +191,8 @@ def take_views(
         chosen = views.files[first : first + together]
         cleans = {file.name: noiseless(file) * np.float32(white_photons) for file in chosen}
         conditions = ("scene", spec.exposure_s, spec.temperature_c, spec.gain_db)
-        records = [
-            FrameRecord(first_view + first + i, file.name, *conditions, clean=file.name)
-            for i, file in enumerate(chosen)
-        ]
+        numbered = enumerate((file.name for file in chosen), start=first_view + first)
+        records = [FrameRecord(number, name, *conditions, clean=name) for number, name in numbered]
         unread = np.broadcast_to(np.uint16(0), (len(records), *camera.resolution))
         plan = FrameSet.from_arrays(records, unread, cleans, bit_depth=camera.bit_depth)
         frames = simulate(camera, plan, seed=SPECIMEN)
@@ -280,10 +278,8 @@ class Outcome:
             said.append(f"Training with it {VERDICTS[named.clear]} the AP ({change}).")
         if self.wrong is not None and self.over_wrong is not None:
             better = ("not clearly other than", "better than", "worse than")[self.over_wrong.clear]
-            said.append(
-                f"The control, {self.hidden.wrong}, changes it by {self.wrong}: the named effect is {better} that "
-                f"({self.over_wrong})."
-            )
+            control = f"The control, {self.hidden.wrong}, changes it by {self.wrong}"
+            said.append(f"{control}: the named effect is {better} that ({self.over_wrong}).")
         if self.hidden.known == self.hidden.named:
             said.append("Who knew the effect would have trained the same way.")
         elif self.known is not None:
@@ -346,11 +342,9 @@ def proof_sections(ablation: "Ablation") -> list[Section]:
     """The sections of a report: the outcome, what the cameras see, and each diagnosis."""
     if not ablation.study.hidden:
         return []
+    title = "What a hidden effect costs, and how much accuracy the diagnosis recovers"
     return [
-        Section(
-            "What a hidden effect costs, and how much accuracy the diagnosis recovers",
-            list(_outcome(ablation)),
-        ),
+        Section(title, list(_outcome(ablation))),
         Section("What the cameras see", [_views(ablation)]),
         Section("How the effects were found", list(_diagnoses(ablation))),
     ]
@@ -374,10 +368,8 @@ def _outcome(ablation: "Ablation") -> Iterator[Text | Table | Figure]:
             "trained with what was named": (o.named, o.domain),
         }
         trained |= {"trained knowing it": (o.known, o.domain)} if o.known != o.named else {}
-        bars = {
-            name: ablation.of_seeds(arm, at, MEASURE) if arm else [] for name, (arm, at) in trained.items()
-        }
-        points[o.effect["name"]] = bars
+        scores = {n: ablation.of_seeds(arm, at, MEASURE) if arm else [] for n, (arm, at) in trained.items()}
+        points[o.effect["name"]] = scores
     if made:
         yield figure(
             plot_scores(points),
