@@ -94,7 +94,6 @@ def _root(files: list[PurePosixPath], where: Path) -> PurePosixPath:
     """The uppermost folder among these files that has a reader's layout, or else SPEED's; `synthetic` is a part of SPEED+."""
 
     def roots(marks: Iterable[str]) -> set[PurePosixPath]:
-        """At most three levels down."""
         found = [
             (path, len(PurePosixPath(mark).parts)) for mark in marks for path in files if path.match(mark)
         ]

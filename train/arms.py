@@ -47,7 +47,6 @@ class Vis(ConfigSection):
 
     @property
     def cameras(self) -> list[str]:
-        """The population's files or names."""
         return [self.camera] if isinstance(self.camera, str) else self.camera
 
     @field_validator("camera")

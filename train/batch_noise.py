@@ -21,7 +21,6 @@ class BatchAugmentation(ConfigSection):
     p: Share = 0.5
 
     def __call__(self, images: Tensor) -> Tensor:
-        """The images, a share of them changed."""
         changed = self.change(images).clamp(0, 1)
         return torch.where(chosen(self.p, images), changed, images)
 

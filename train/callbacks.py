@@ -73,7 +73,6 @@ def finish(folder: Path, state: dict[str, Any]) -> None:
 
 
 def forget(folder: Path) -> None:
-    """Remove the checkpoints of a finished run."""
     for name in (STATE, BEST):
         (folder / "weights" / name).unlink(missing_ok=True)
 
@@ -96,7 +95,6 @@ class Checkpoints:
         self.last_step, self.batch, self.epoch = -1, -1, -1
 
     def attach(self, model: Any) -> None:
-        """Follow a training of this model."""
         for event in filter(lambda name: name.startswith("on_"), dir(self)):
             model.add_callback(event, getattr(self, event))
 

@@ -57,10 +57,8 @@ def check_target(source: str, keypoints: Keypoints, trained: PoseSet, poses: Pos
 
 
 def check_arms(config: Config, announce: Say | None = None) -> None:
-    """Refuse, before any training, what could not be trained; `announce` gets a line for what this device does differently.
-
-    Raises:
-        InputError: an invalid camera, or training arguments of an arm that are invalid or that this device cannot follow.
+    """Refuse, before any training, cameras and training arguments that are invalid or that this device cannot follow;
+    `announce` gets a line for what it does differently.
     """
     hidden_cameras(config)
     check_cameras(config)
@@ -95,11 +93,7 @@ def check_arms(config: Config, announce: Say | None = None) -> None:
 
 
 def check_network(model: str) -> None:
-    """Refuse what ultralytics makes no pose network of.
-
-    Raises:
-        InputError: no such file, one that cannot be read as a network, or a network of another task.
-    """
+    """Refuse what ultralytics makes no pose network of: no file or no network, or a network of another task."""
     from ultralytics import YOLO
     from ultralytics.nn.tasks import yaml_model_load
 
@@ -125,11 +119,7 @@ def check_network(model: str) -> None:
 
 
 def start_weights(start: Start) -> bytes:
-    """The safetensors file that all runs start from.
-
-    Raises:
-        InputError: no such file, or another SHA-256 than the config's.
-    """
+    """The safetensors file that all runs start from; refused with another SHA-256 than the config's."""
     file = Path(str(start.weights))
     if not file.is_file():
         raise InputError("no such file", file=file, field="start.weights", expected="a safetensors file")
@@ -140,10 +130,8 @@ def start_weights(start: Start) -> bytes:
 
 
 def check_device(given: Sequence[dict[str, Any]], say: Say | None = None) -> None:
-    """Refuse arguments of runs that this device cannot follow; `say` gets a line where bf16 is off (see `followed`).
-
-    Raises:
-        InputError: a device that is not there, or a batch size that would be chosen by the device's memory.
+    """Refuse a device that is not there, and a batch size that would be chosen by its memory; `say` gets a line where bf16 is
+    off (see `followed`).
     """
     for arguments in given:
         batch = arguments.get("batch", 16)

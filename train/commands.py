@@ -50,11 +50,7 @@ def train(config_path: Path, seed: int = 0, progress: Progress | None = None, ar
 
 
 def ablate(config_path: Path, seed: int = 0, progress: Progress | None = None) -> str:
-    """Train and score all arms; writes tables and report into the config's output; what to print.
-
-    Raises:
-        PartlyFailed: with what to print, where a run failed.
-    """
+    """Train and score all arms, and write tables and report; what to print, raised as PartlyFailed where a run failed."""
     from visaug_train.report import write_report
 
     config = _seeded(config_path, seed)
@@ -78,16 +74,13 @@ def evaluate(
     elsewhere: tuple[Path, str, str | None] | None = None,
     poses_csv: Path | None = None,
 ) -> dict[str, dict[str, Any]]:
-    """Scores by domain of an arm of a config, the last one where none is named, whose network must be trained.
+    """Scores by domain of an arm of a config, the last one where none is named, whose network must be trained: if not, nothing
+    is rendered or written.
 
     Args:
-        config_path, seed, arm: which network.
         elsewhere: folder, domain and split of another set than the config's test sets; the config's `split_seed` splits
             it too.
         poses_csv: where to write the poses of that set.
-
-    Raises:
-        InputError: it is not trained; nothing is rendered or written then.
     """
     study, run = _trained(config_path, seed, progress, arm)
     own = study.tests

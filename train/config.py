@@ -168,7 +168,6 @@ class Config(ConfigSection):
         return self.data.image_size or fitting(camera, self.training.get("imgsz", 640))
 
     def arguments(self, arm: str) -> dict[str, Any]:
-        """ultralytics' training arguments of an arm."""
         return {**self.training, **self.arm(arm).training}
 
 

@@ -225,7 +225,6 @@ def finding(ablation: Ablation, output: Path, seed: int = 0) -> list[str]:
 
 
 def _first_screen(ablation: Ablation) -> Section:
-    """The finding as a picture."""
     arms, domains = ablation.means, ablation.study.tests
     points = {d: {arm: ablation.of_seeds(arm, d, "oks_coco") for arm in arms} for d in domains}
     caption = (
@@ -235,7 +234,6 @@ def _first_screen(ablation: Ablation) -> Section:
 
 
 def _story(output: Path, seed: int) -> list[Section]:
-    """The diagnosis of the lightbox-like camera."""
     found, answer = diagnosed_camera(output, seed)
     stated = visaug.Camera.load(data_sheet(LIGHTBOX_CAMERA, NAME, RESOLUTION))
     return story_sections(stated, take_frames(LIGHTBOX_CAMERA, RESOLUTION, seed), answer, found, seed)

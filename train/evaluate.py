@@ -113,7 +113,6 @@ def weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
 
 
 def evaluate_poses(poses: PoseSet, keypoints: Keypoints, found: list[Pose | None]) -> Evaluation:
-    """Score poses alone."""
     if not poses.posed:
         raise InputError(f"{poses.name} has no poses, so there is nothing to score")
     targets = poses.targets(keypoints)
@@ -166,7 +165,6 @@ def pose_of(each: Detections, keypoints: Keypoints, poses: PoseSet) -> Pose | No
 
 
 def _of_poses(found: list[Pose | None], poses: PoseSet, seen: np.ndarray) -> dict[str, np.ndarray]:
-    """Columns of poses."""
     answered = np.array([pose is not None for pose in found])
     given = np.array([np.full(7, np.nan) if pose is None else np.concatenate(pose) for pose in found])
     exact = pose_errors(given[:, :4], given[:, 4:], poses.quaternions, poses.translations)

@@ -29,7 +29,6 @@ class Pinhole:
 
     @classmethod
     def load(cls, path: str | Path) -> "Pinhole":
-        """Read SPEED's or SPEED+'s camera.json."""
         path = Path(path)
         content = read_json(path)
         if not isinstance(content, dict):

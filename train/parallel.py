@@ -76,10 +76,8 @@ def spread(
 def _in_folder(
     study: Study, work: Work, arm: str, seed: int, folder: str, effects: Sequence[Path]
 ) -> str | None:
-    """On a node: the work, in the driver's working folder, as a config's paths are relative to it; what failed.
-
-    Args:
-        effects: files with effects of one's own that the driver has loaded.
+    """On a node: the work, in the driver's working folder, as a config's paths are relative to it, with the files of effects
+    that the driver has loaded; what failed.
     """
     os.chdir(folder)
     try:

@@ -68,11 +68,7 @@ class ImageNames:
                     self.holders.setdefault(key, set()).add(name)
 
     def find(self, text: object, file: Path, field: str) -> int | None:
-        """The image's number; None for an image of another domain or split of the folder.
-
-        Raises:
-            InputError: no image of the folder has this name; it names `file` and `field`.
-        """
+        """The image's number; None for an image of another domain or split of the folder. Refused where there is none."""
         sets, index = self._sets(text), self._index(text)
         if index is not None and self.poses.name in sets:
             return index
@@ -116,7 +112,6 @@ class ImageNames:
             )
 
     def none_found(self, file: Path) -> InputError:
-        """What to raise for a file whose images are all of other domains."""
         problem, expected = f"names no image of {self.poses.name}", f"images such as {self.poses.ids[0]}"
         return InputError(problem, file=file, expected=expected)
 

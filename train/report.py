@@ -31,7 +31,6 @@ def write_report(ablation: Ablation) -> Path:
 
 
 def ablation_sections(ablation: Ablation) -> list[Section]:
-    """The sections, also part of the demo's page."""
     return [
         Section("Scores of the arms", list(_results(ablation))),
         *_strength(ablation),
@@ -43,7 +42,6 @@ def ablation_sections(ablation: Ablation) -> list[Section]:
 
 
 def _strength(ablation: Ablation) -> list[Section]:
-    """Noise that the arms add, beside the noise of the images."""
     if ablation.noise is None:
         return []
     text = (
@@ -190,7 +188,6 @@ def _predictions(ablation: Ablation) -> Section:
 
 
 def _dependence(ablation: Ablation) -> Section:
-    """Scores against the conditions of the images."""
     blocks, scored = [], ablation.scored
     for domain in ablation.study.tests:
         found = {arm: [scored[arm, s][1][domain] for s in ablation.seeds(arm)] for arm in ablation.means}

@@ -48,7 +48,6 @@ class ArmDifference:
 
     @property
     def clear(self) -> bool:
-        """Whether its own interval leaves out 0."""
         return self.low > 0 or self.high < 0
 
     @property
@@ -84,11 +83,9 @@ class Ablation:
 
     @property
     def config(self) -> Config:
-        """The config it was made by."""
         return self.study.config
 
     def seeds(self, arm: str) -> list[int]:
-        """The seeds of an arm that were finished."""
         return [seed for name, seed in self.scored if name == arm]
 
     @cached_property
@@ -97,12 +94,10 @@ class Ablation:
         return {key: {d: e.summary() for d, e in each.items()} for key, (_, each) in self.scored.items()}
 
     def of_seeds(self, arm: str, domain: str, measure: str) -> list[float]:
-        """A measure of each finished run of an arm."""
         return [tables.value(self.summaries[arm, s][domain], measure) for s in self.seeds(arm)]
 
     @cached_property
     def means(self) -> tables.Scores:
-        """Means over seeds."""
         return self._over_seeds(self.summaries)
 
     @cached_property
@@ -158,7 +153,6 @@ class Ablation:
 
     @property
     def interval_covers(self) -> str:
-        """The variation that the intervals cover."""
         seeds = min((len(self.seeds(arm)) for arm in self.means), default=0)
         shared = ", all of which start from one shared network" if self.config.start else ""
         if seeds > 1:
@@ -238,7 +232,6 @@ class Ablation:
         return {name: tables.marked(table, seen) for name, table in made.items()}
 
     def to_json(self) -> dict[str, Any]:
-        """Scores of every run, differences, failures."""
         return {
             "schema": 1,
             "name": self.config.name,

@@ -72,7 +72,6 @@ class Severity:
     rows: list[dict[str, Any]]
 
     def to_csv(self) -> str:
-        """A line a point; the first are the clean images."""
         head = ["axis", "value", *SCORES]
         lines = [{"axis": "clean", "value": None, **self.clean}, *self.rows]
         cells = [["" if line[key] is None else str(line[key]) for key in head] for line in lines]

@@ -50,12 +50,10 @@ class PoseSet:
 
     @property
     def posed(self) -> bool:
-        """Whether the poses are known."""
         return bool(np.isfinite(self.quaternions).all())
 
     @property
     def labelled(self) -> bool:
-        """Whether poses or keypoints are known."""
         return self.posed or self.points is not None
 
     @cached_property
@@ -93,7 +91,6 @@ class PoseSet:
         return np.clip(boxes, 0, np.tile(self.camera.size, 2))
 
     def select(self, indices: np.ndarray) -> "PoseSet":
-        """The images at `indices`."""
         arrays = {name: getattr(self, name) for name in ("quaternions", "translations", "boxes", "points")}
         chosen = {name: None if array is None else array[indices] for name, array in arrays.items()}
         return replace(self, files=tuple(self.files[i] for i in indices), **chosen)
@@ -130,11 +127,7 @@ def by_domain(pairs: Iterable[Sequence[str]]) -> dict[str, tuple[str, ...]]:
 
 
 def chosen_split(found: dict[str, tuple[str, ...]], domain: str, split: str | None, root: Path) -> str:
-    """The split that is meant: left out, the domain's test split, else validation, else train.
-
-    Raises:
-        InputError: `found`, the splits by domain, does not have it.
-    """
+    """The split that is meant, one of `found`, the splits by domain; left out, test, else validation, else train."""
     if domain not in found:
         raise InputError(f"{root}: domain: expected one of {', '.join(found)}, got {domain}")
     split = split or next(s for s in ("test", "validation", "train") if s in found[domain])
@@ -250,7 +243,6 @@ def read_listing(listing: Path, images: Path, camera: Pinhole, name: str) -> Pos
 def write_listing(
     listing: Path, names: Iterable[str], quaternions: np.ndarray, translations: np.ndarray
 ) -> None:
-    """Write a list of SPEED+'s records."""
     poses = zip(names, quaternions.tolist(), translations.tolist())
     write_json(listing, [{"filename": n, "q_vbs2tango_true": q, "r_Vo2To_vbs_true": r} for n, q, r in poses])
 

@@ -66,11 +66,9 @@ class ResultTable:
     note: str = ""
 
     def with_note(self, note: str) -> "ResultTable":
-        """The table with a further sentence."""
         return replace(self, note=" ".join(filter(None, [self.note, note])))
 
     def block(self) -> Table:
-        """The table for a page, its title as the caption."""
         return Table(self.head, self.rows, f"{self.title}.")
 
     def to_markdown(self) -> str:
@@ -80,7 +78,6 @@ class ResultTable:
         return "\n".join([*lines, *map(_line, self.rows), *note]) + "\n"
 
     def to_csv(self) -> str:
-        """Comma-separated, with the head."""
         buffer = io.StringIO()
         csv.writer(buffer, lineterminator="\n").writerows([self.head, *self.rows])
         return buffer.getvalue()
@@ -104,7 +101,6 @@ class ResultTable:
 
 
 def signed(change: float, low: float, high: float) -> str:
-    """A difference with its 95 % interval."""
     return f"{change:+.3f} [{low:+.3f}, {high:+.3f}]"
 
 
@@ -117,7 +113,6 @@ def value(summary: Mapping[str, Any], measure: str) -> float:
 
 
 def domains_of(means: Scores) -> list[str]:
-    """The domains of all arms."""
     return list(dict.fromkeys(domain for scores in means.values() for domain in scores))
 
 
@@ -264,7 +259,6 @@ def _latex(text: str) -> str:
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
-    """None where one is not determined."""
     known = [value for value in values if value is not None]
     return sum(known) / len(known) if len(known) == len(values) else None
 

@@ -143,18 +143,13 @@ def start_network(study: Study, progress: Progress | None = None) -> str | None:
 
 
 def _finish(folder: Path, record: dict[str, Any], arguments: dict[str, Any], seconds: float) -> None:
-    """Write run.json, by which a run is known to be finished."""
     around = surroundings(arguments.get("device"), followed(arguments).get("amp"))
     write_json(folder / "run.json", {**record, "surroundings": around, "seconds": seconds})
     callbacks.forget(folder)
 
 
 def _from_weights(config: Config, weights: Path) -> Path:
-    """A checkpoint of ultralytics with the state that a safetensors file holds.
-
-    Raises:
-        InputError: see `start_weights`, or the state of another network.
-    """
+    """A checkpoint of ultralytics with the state that a safetensors file holds; refused if it is another network's."""
     assert config.start is not None
     content = start_weights(config.start)
     made = config.output / "runs" / f"start-{str(config.start.sha256)[:8]}.pt"

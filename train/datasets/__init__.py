@@ -51,11 +51,7 @@ def read_poses(
 
 
 def keypoints_of(source: str | Path, poses: PoseSet) -> Keypoints:
-    """The spacecraft's points: those of a file; for `tango`, which is the default, the data set's own where it has some.
-
-    Raises:
-        InputError: the set shows another spacecraft than Tango and brings no points.
-    """
+    """The spacecraft's points: those of a file; for `tango`, which is the default, the data set's own where it has some."""
     if str(source) != "tango":
         return Keypoints.load(source)
     if poses.keypoints is not None:

@@ -104,7 +104,6 @@ def _corners(root: Path, number: int) -> Keypoints | None:
 
 
 def _images(scene: Path) -> dict[int, Path]:
-    """The images of a scene by their number."""
     for kind in ("rgb", "gray"):
         files = sorted(scene.glob(f"{kind}/*"))
         found = {int(f.stem): f for f in files if f.suffix.lower() in SUFFIXES and _is_number(f.stem)}

@@ -27,7 +27,6 @@ class Reader:
     read: Callable[[Path, str, str], PoseSet]
 
     def recognises(self, root: Path) -> bool:
-        """Whether the folder has this layout."""
         return any(next(root.glob(mark), None) is not None for mark in self.marks)
 
 

@@ -35,7 +35,6 @@ class Views:
 
 
 def join(views: Sequence[Views]) -> Views:
-    """All images of several."""
     return Views(*map(np.concatenate, zip(*(vars(view).values() for view in views))))
 
 

@@ -91,7 +91,6 @@ class IndependentCamera:
         return top + (self.black_level_dn if self.keeps_black else 0.0)
 
     def without_effects(self) -> "IndependentCamera":
-        """The same camera with its base chain alone."""
         levels = ("row_noise_e", "row_banding_e", "tap_gain", "tap_offset_e")
         levels += ("bloom_share", "flare_share", "bend")
         return replace(self, **dict.fromkeys(levels, 0.0))

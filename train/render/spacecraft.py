@@ -51,7 +51,6 @@ def rod(start: np.ndarray, end: np.ndarray, radius: float, material: str) -> Box
 
 
 def spacecraft() -> list[Box]:
-    """The parts, from the keypoints' coordinates."""
     keypoints = Keypoints.load("tango")
     p = dict(zip(keypoints.names, keypoints.points_m))
     top = p["panel_3"][2]
@@ -87,6 +86,5 @@ class SceneTensors:
 
     @classmethod
     def of(cls, parts: list[Box]) -> "SceneTensors":
-        """Stack the parts."""
         rows = [(part.centre, part.half, part.axes, MATERIALS[part.material]) for part in parts]
         return cls(*(torch.tensor(np.array(column), dtype=torch.float32) for column in zip(*rows)))

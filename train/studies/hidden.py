@@ -65,11 +65,7 @@ class HiddenEffect:
 
 
 def hidden_cameras(config: Config) -> dict[str, visaug.Camera]:
-    """The test cameras by test set: the plain one, then one for each hidden effect; none where a config hides nothing.
-
-    Raises:
-        InputError: an effect that the camera cannot have.
-    """
+    """The test cameras by test set: the plain one, then one for each hidden effect; none where a config hides nothing."""
     if config.hidden is None:
         return {}
     vis = config.arm(config.baseline).vis
@@ -240,7 +236,6 @@ class Change:
 
     @property
     def clear(self) -> int:
-        """1 or -1 where the interval leaves out 0, else 0."""
         return sign(self.low, self.high)
 
     def __str__(self) -> str:
@@ -263,7 +258,6 @@ class Outcome:
     over_wrong: Change | None
 
     def finding(self) -> str:
-        """What came out, whichever way, in a few sentences."""
         name, domain = self.hidden.effect["name"], self.hidden.domain
         cost, lost = self.cost, self.cost.before - self.cost.after
         costs = f"costs the network {lost:.3f}" if cost.clear < 0 else "costs nothing clear:"
@@ -290,7 +284,6 @@ class Outcome:
         return " ".join(said)
 
     def to_json(self) -> dict[str, Any]:
-        """Numbers of the outcome."""
         hidden, parts = self.hidden, ("cost", "named", "wrong", "known", "over_wrong")
         changes = {name: getattr(self, name) for name in parts}
         return {

@@ -124,11 +124,8 @@ def _estimated(config: Config, name: str, poses: PoseSet) -> TargetCamera:
 def _seen_size(config: Config, name: str, poses: PoseSet) -> tuple[int, int] | None:
     """Width and height of the images that arms give this camera's noise: as the network gets them.
 
-    None where these are the pictures', or the noise comes on the sensor's pixels. The camera is estimated from whole pictures:
-    small ones hold hardly any region that is flat.
-
-    Raises:
-        InputError: some arms do the one, some the other.
+    None where these are the pictures', or the noise comes on the sensor's pixels, in all of its arms. The camera is estimated
+    from whole pictures: small ones hold hardly any region that is flat.
     """
     parts = [part for arm in config.arms.values() for part in (arm.vis, arm.white)]
     places = {part.resolution for part in parts if part and name in part.cameras}
@@ -247,7 +244,6 @@ def _gain(
 
 
 def gain_table(found: list[ArmGain], baseline: str, oracle: str) -> tables.ResultTable:
-    """A row for each arm and domain."""
     won, share = f"change by {oracle}", f"share of what {oracle} gains"
     head = ["arm", "test set", baseline, "change by the arm", won, share]
     rows = []
