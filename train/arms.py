@@ -4,17 +4,7 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from visaug_train.batch_noise import (
-    BrightnessContrast,
-    Corruptions,
-    GaussianBlur,
-    GaussianNoise,
-    IsoNoise,
-    RandConv,
-    RandomErase,
-    RandomMotionBlur,
-    SunFlare,
-)
+from visaug_train import batch_noise
 from visaug_train.sections import ConfigSection, Pair, Share
 
 
@@ -102,17 +92,17 @@ class Arm(ConfigSection):
 
     like: str | None = None
     why: str | None = None
-    sun_flare: SunFlare | None = None
-    motion_blur: RandomMotionBlur | None = None
-    blur: GaussianBlur | None = None
+    sun_flare: batch_noise.SunFlare | None = None
+    motion_blur: batch_noise.RandomMotionBlur | None = None
+    blur: batch_noise.GaussianBlur | None = None
     vis: Vis | None = None
     white: White | None = None
-    gaussian: GaussianNoise | None = None
-    iso_noise: IsoNoise | None = None
-    brightness_contrast: BrightnessContrast | None = None
-    randconv: RandConv | None = None
-    corruptions: Corruptions | None = None
-    erase: RandomErase | None = None
+    gaussian: batch_noise.GaussianNoise | None = None
+    iso_noise: batch_noise.IsoNoise | None = None
+    brightness_contrast: batch_noise.BrightnessContrast | None = None
+    randconv: batch_noise.RandConv | None = None
+    corruptions: batch_noise.Corruptions | None = None
+    erase: batch_noise.RandomErase | None = None
     # the last epochs of a run, trained without all of this, as close_mosaic does for mosaics
     clean_epochs: int = Field(default=0, ge=0)
     training: dict[str, Any] = Field(default={})

@@ -172,11 +172,11 @@ def has_bf16(device: Any) -> bool:
     return selected(device).type == "cuda" and torch.cuda.is_bf16_supported(including_emulation=False)
 
 
-def cost(config: Config, images: int, arms: Sequence[str] | None = None) -> str:
+def cost(config: Config, images: int, arms: Sequence[str] = ()) -> str:
     """How long the training of all runs (of `arms`: with the first seed) takes, in a sentence: `images` times the seconds that
     the network takes for one on this device.
     """
-    names, seeds = (config.arms, len(config.seeds)) if arms is None else (arms, 1)
+    names, seeds = (arms, 1) if arms else (config.arms, len(config.seeds))
     epochs = [config.arguments(name).get("epochs", 100) for name in names]
     total = images * (seeds * sum(epochs) + ((config.start and config.start.epochs) or 0))
     device = selected(config.training.get("device"))

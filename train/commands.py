@@ -13,6 +13,7 @@ from visaug.camera import Camera
 from visaug.core.errors import InputError, PartlyFailed
 from visaug.core.files import folder_lock
 from visaug.core.progress import Progress
+from visaug_train import predictions as files
 from visaug_train.checks import check_arms, check_target
 from visaug_train.config import Config, load_config
 from visaug_train.convert import identity
@@ -21,14 +22,6 @@ from visaug_train.evaluate import evaluate as score
 from visaug_train.evaluate import evaluate_poses, pose_of
 from visaug_train.geometry import Keypoints
 from visaug_train.metrics import Detections
-from visaug_train.predictions import (
-    ImageNames,
-    load_poses,
-    load_predictions,
-    names_elsewhere,
-    save_poses,
-    save_submission,
-)
 from visaug_train.readings import point_readings
 from visaug_train.results import ablate as run_ablation
 from visaug_train.scoring import evaluate_run, other_summaries, other_weights, predictions_of, predictor
@@ -98,9 +91,9 @@ def evaluate(
             # the name is that of a test set of the config, whose files stay
             name += "-" + hashlib.sha256(str(found).encode()).hexdigest()[:8]
         evaluation.write_csv(folder / f"{name}.csv")
-        save_poses(folder / f"{name}-poses.csv", evaluation.poses, evaluation.found)
+        files.save_poses(folder / f"{name}-poses.csv", evaluation.poses, evaluation.found)
         if poses_csv is not None:
-            save_poses(poses_csv, evaluation.poses, evaluation.found)
+            files.save_poses(poses_csv, evaluation.poses, evaluation.found)
     weights = study.config.weights
     others = other_summaries(study, run, progress)
     return {
@@ -137,13 +130,13 @@ def evaluate_predictions(
     """
     poses = read_poses(data, domain, split, seed, labels=False)
     points = keypoints_of(keypoints, poses)
-    names = ImageNames(poses, names_elsewhere(data, poses), data)
+    names = files.ImageNames(poses, files.names_elsewhere(data, poses), data)
     notes: list[str] = []
     if Path(predictions).suffix.lower() == ".csv":
-        evaluation = evaluate_poses(poses, points, load_poses(predictions, poses, names, notes.append))
+        evaluation = evaluate_poses(poses, points, files.load_poses(predictions, poses, names, notes.append))
         names.note(notes.append)
     else:
-        detections = load_predictions(predictions, poses, len(points), images, names, notes.append)
+        detections = files.load_predictions(predictions, poses, len(points), images, names, notes.append)
         names.note(notes.append)
         if not poses.labelled:
             said = submission(poses, points, detections, poses_csv)
@@ -154,7 +147,7 @@ def evaluate_predictions(
         if "iou" not in evaluation.table:
             notes.append("boxes are not scored, for not every record has a bbox")
     if poses_csv is not None and poses.posed:
-        save_poses(poses_csv, poses, evaluation.found)
+        files.save_poses(poses_csv, poses, evaluation.found)
     return {domain: evaluation.summary() | {"notes": notes}}
 
 
@@ -170,7 +163,7 @@ def submission(
         problem += ", so no pose follows from them"
         raise InputError(problem, field="keypoints", expected="a YAML file with points_m in metres")
     count = len(poses)
-    missing = save_submission(path, poses, [pose_of(each, keypoints, poses) for each in detections])
+    missing = files.save_submission(path, poses, [pose_of(each, keypoints, poses) for each in detections])
     note = f"{missing} of {count} images have no pose of their own; they got the median position, unrotated"
     return {"images": count, "poses_found": 1 - missing / count, "notes": [note] if missing else []}
 

@@ -21,7 +21,7 @@ from visaug.core.errors import InputError
 from visaug.core.files import write_bytes, write_json, write_text, write_yaml
 from visaug.core.progress import Progress
 from visaug_train.geometry import Keypoints, Pinhole
-from visaug_train.reduction import read_image, reduced, write_png
+from visaug_train.reduction import Size, read_image, reduced, write_png
 from visaug_train.speed import PoseSet
 
 
@@ -29,7 +29,7 @@ def convert(
     parts: dict[str, PoseSet],
     keypoints: Keypoints,
     destination: str | Path,
-    size: tuple[int, int] | None = None,
+    size: Size | None = None,
     progress: Progress | None = None,
     reduce: str = "area",
     channels: int = 3,
@@ -183,13 +183,7 @@ def identity(poses: PoseSet) -> dict:
 
 
 def _copy(
-    folder: Path,
-    beside: Path,
-    camera: Pinhole,
-    size: tuple[int, int] | None,
-    reduce: str,
-    file: Path,
-    name: str,
+    folder: Path, beside: Path, camera: Pinhole, size: Size | None, reduce: str, file: Path, name: str
 ) -> Path:
     """A copy of an image, or a link to it."""
     target = folder / name.replace("/", "-")  # ultralytics finds a label by its image's name alone

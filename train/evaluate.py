@@ -9,16 +9,9 @@ import numpy as np
 
 from visaug.core.errors import InputError
 from visaug.core.files import write_text
+from visaug_train import metrics
 from visaug_train.geometry import Keypoints, Targets, rotation_matrix
-from visaug_train.metrics import (
-    BOXES_PER_IMAGE,
-    DEFINITIONS,
-    KEYPOINT_SETS_PER_IMAGE,
-    Detections,
-    PrecisionTable,
-    box_iou,
-    keypoint_similarity,
-)
+from visaug_train.metrics import Detections, PrecisionTable, box_iou, keypoint_similarity
 from visaug_train.pose import FLOORED_DOMAINS, estimate_pose, pose_errors, spec_score
 from visaug_train.predictions import Pose
 from visaug_train.speed import PoseSet
@@ -77,9 +70,9 @@ class Evaluation:
         return {
             "images": len(self.poses),
             "iou": mean("iou"),
-            "oks": {name: mean(f"oks_{name}") for name in DEFINITIONS},
+            "oks": {name: mean(f"oks_{name}") for name in metrics.DEFINITIONS},
             "box_ap50_95": precision("box"),
-            "keypoint_ap50_95": {name: precision(name) for name in DEFINITIONS},
+            "keypoint_ap50_95": {name: precision(name) for name in metrics.DEFINITIONS},
             **errors,
             "poses_found": mean("pose_found"),
             "answered": {name: mean(f"answered_{name}") if answered else None for name in ANSWERED},
@@ -124,7 +117,7 @@ def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list
     targets = poses.targets(keypoints)
     shown = list(zip(detections, targets.boxes, targets.points, targets.inside))
     similarities = {"box": [box_iou(each.boxes, box) for each, box, *_ in shown]}
-    for name in DEFINITIONS:
+    for name in metrics.DEFINITIONS:
         similarities[name] = [
             keypoint_similarity(each.points, points, inside, box, name, keypoints.sigmas)
             for each, box, points, inside in shown
@@ -150,8 +143,8 @@ def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list
         table |= _of_poses(found, poses, targets.seen)
     if not all(np.isfinite(each.boxes).all() for each in detections):
         del similarities["box"], table["iou"]
-    counting = dict.fromkeys(DEFINITIONS, (~visible, KEYPOINT_SETS_PER_IMAGE))
-    counting["box"] = np.zeros(len(poses), bool), BOXES_PER_IMAGE
+    counting = dict.fromkeys(metrics.DEFINITIONS, (~visible, metrics.KEYPOINT_SETS_PER_IMAGE))
+    counting["box"] = np.zeros(len(poses), bool), metrics.BOXES_PER_IMAGE
     precision = {n: PrecisionTable(scores, v, targets.seen, *counting[n]) for n, v in similarities.items()}
     return Evaluation(domain, poses, targets, detections, table, precision, found)
 

@@ -30,11 +30,7 @@ _tell: Any = None  # in a worker: the queue to the process that shows the progre
 
 
 def spread(
-    study: Study,
-    runs: Sequence[tuple[str, int]],
-    work: Work,
-    cluster: Cluster,
-    progress: Progress | None = None,
+    study: Study, runs: list[tuple[str, int]], work: Work, cluster: Cluster, progress: Progress | None = None
 ) -> dict[tuple[str, int], str]:
     """Do `work(study, arm, seed)` for all runs; returns what went wrong, by run.
 

@@ -7,7 +7,7 @@ says which image that is. A line of a CSV of poses is file, q1..q4 (scalar first
 import csv
 import io
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
@@ -41,10 +41,7 @@ class ImageNames:
     """
 
     def __init__(
-        self,
-        poses: PoseSet,
-        elsewhere: Mapping[str, Collection[Path]] | None = None,
-        root: str | Path | None = None,
+        self, poses: PoseSet, elsewhere: Mapping[str, set[Path]] | None = None, root: str | Path | None = None
     ) -> None:
         self.poses = poses
         # names that were passed over, by domain
@@ -59,7 +56,7 @@ class ImageNames:
         # which sets have an image of a name, and which words before it may mean a set
         self.holders: dict[str, set[str]] = {}
         self.words: dict[str, set[str]] = {}
-        for name, files in {**(elsewhere or {}), poses.name: poses.files}.items():
+        for name, files in {**(elsewhere or {}), poses.name: set(poses.files)}.items():
             self.words[name] = {name.split("/")[0]}
             for file in files:
                 below = file if root is None or not file.is_relative_to(root) else file.relative_to(root)

@@ -16,10 +16,11 @@ from visaug.core.errors import InputError
 from visaug.core.files import write_bytes
 from visaug_train.geometry import Pinhole
 
+Size = tuple[int, int]  # width and height, pixels
 METHODS = {"area": cv2.INTER_AREA, "linear": cv2.INTER_LINEAR}
 
 
-def reduced(image: np.ndarray, size: tuple[int, int], how: str) -> np.ndarray:
+def reduced(image: np.ndarray, size: Size, how: str) -> np.ndarray:
     """An image (rows, columns[, C]) with `size` = (width, height) pixels."""
     if image.shape[1::-1] == tuple(size):
         return image
@@ -32,9 +33,7 @@ def variance_left(whole: int, size: int, how: str) -> float:
     return float((weights**2).sum(axis=1).mean())
 
 
-def reduced_camera(
-    camera: dict[str, Any], whole: tuple[int, int], size: tuple[int, int], how: str
-) -> dict[str, Any]:
+def reduced_camera(camera: dict[str, Any], whole: Size, size: Size, how: str) -> dict[str, Any]:
     """The content of a camera.yaml whose noise is that of the camera's images once these are reduced.
 
     Noise of pixels, rows and columns is taken as white. Electrons per DN rise as the variance of shot noise falls. JPEG comes
@@ -62,7 +61,7 @@ def reduced_camera(
     return content | {"effects": effects}
 
 
-def fitting(camera: Pinhole, image_size: int) -> tuple[int, int]:
+def fitting(camera: Pinhole, image_size: int) -> Size:
     """Width and height of the camera's images with `image_size` pixels on the longer side; never enlarged."""
     scale = min(1.0, image_size / max(camera.width, camera.height))
     return round(camera.width * scale), round(camera.height * scale)

@@ -37,7 +37,7 @@ def other_summaries(study: Study, run: Run, progress: Progress | None = None) ->
 
 
 def evaluate_run(
-    study: Study, run: Run, progress: Progress | None = None, weights: str | None = None
+    study: Study, run: Run, progress: Progress | None = None, weights: str = ""
 ) -> dict[str, Evaluation]:
     """Score a run's network on every test set: that of its `weights` (last or best), the config's where left out."""
     found = {n: predictions_of(study, run, n, p, progress, weights) for n, p in study.tests.items()}
@@ -45,12 +45,7 @@ def evaluate_run(
 
 
 def predictions_of(
-    study: Study,
-    run: Run,
-    domain: str,
-    poses: PoseSet,
-    progress: Progress | None = None,
-    weights: str | None = None,
+    study: Study, run: Run, domain: str, poses: PoseSet, progress: Progress | None = None, weights: str = ""
 ) -> list[Detections]:
     """What a run's network finds in a set; kept beside the weights."""
     file = run.weights.with_stem(weights) if weights else run.weights

@@ -66,10 +66,7 @@ class Run:
 
 
 def prepare(
-    config: Config,
-    progress: Progress | None = None,
-    announce: Say | None = None,
-    arms: Sequence[str] | None = None,
+    config: Config, progress: Progress | None = None, announce: Say | None = None, arms: Sequence[str] = ()
 ) -> Study:
     """Renders (if configured), checks and converts the data; simulates and diagnoses hidden effects.
 
