@@ -138,8 +138,7 @@ def prepare_dataset(
     unused = archive.is_dir() and output is not None and not (coco or size)
     if unused and not (output.exists() and output.samefile(find_root(archive))):
         problem = f"has no use: {archive} is a folder, and is checked where it lies"
-        expected = "no -o, or --coco or --size, which write beside it"
-        raise InputError(problem, field="-o", expected=expected)
+        raise InputError(problem, field="-o", expected="no -o, or --coco or --size, which write beside it")
     root = prepare_archive(archive, output, progress)
     output = Path(os.path.abspath(root if output is None else output))
     sets = check(root)

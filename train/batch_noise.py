@@ -184,8 +184,7 @@ class Corruptions(BatchAugmentation):
     def change(self, images: Tensor) -> Tensor:
         corruptions = (_contrast, _pixelate, _posterize, _impulse, _speckle, _defocus)
         kinds = torch.randint(len(corruptions), (len(images),)).tolist()
-        severity = uniform(images, self.severity).flatten().tolist()
-        drawn = zip(images, kinds, severity)
+        drawn = zip(images, kinds, uniform(images, self.severity).flatten().tolist())
         return torch.cat([corruptions[kind](image[None], s) for image, kind, s in drawn])
 
 

@@ -141,8 +141,7 @@ def evaluate_predictions(
         if not poses.labelled:
             said = submission(poses, points, detections, poses_csv)
             return {domain: said | {"notes": [*notes, *said["notes"]]}}
-        targets = poses.targets(points)
-        detections = point_readings(detections, targets, poses.camera.size, notes.append)
+        detections = point_readings(detections, poses.targets(points), poses.camera.size, notes.append)
         evaluation = score(domain, poses, points, detections)
         if "iou" not in evaluation.table:
             notes.append("boxes are not scored, for not every record has a bbox")

@@ -156,8 +156,7 @@ def run_ablation(
     output: str | Path, seed: int = 0, progress: Progress | None = None, full: bool = False
 ) -> Ablation:
     """Diagnose, render, train the arms, score them on the test sets; goes on where it was stopped."""
-    config = with_diagnosed(demo_config(output, seed, full), seed, progress)
-    ablation = ablate(config, progress)
+    ablation = ablate(with_diagnosed(demo_config(output, seed, full), seed, progress), progress)
     ablation.write(Path(output) / "tables")
     return ablation
 

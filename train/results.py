@@ -220,8 +220,7 @@ class Ablation:
         if config.published:
             made["keypoints"] = made["keypoints"].with_note(tables.WHICH_OKS)
             made["comparison"] = tables.comparison_table(self.means)
-        tests = self.study.tests
-        poses = {a: {d: [runs[a, s][d] for s in self.seeds(a)] for d in tests} for a in self.means}
+        poses = {a: {d: [runs[a, s][d] for s in self.seeds(a)] for d in self.study.tests} for a in self.means}
         made["poses"] = tables.pose_table(poses)
         made["differences"] = tables.difference_table(self.differences, config.baseline)
         if self.others:

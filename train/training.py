@@ -169,8 +169,7 @@ def _from_weights(config: Config, weights: Path) -> Path:
 
 def note_failure(study: Study, arm: str, seed: int, error: Exception) -> str:
     """Keep how a run failed beside the runs; the error in one line."""
-    text = "".join(traceback.format_exception(error))
-    write_text(_failure_file(study, arm, seed), text)
+    write_text(_failure_file(study, arm, seed), "".join(traceback.format_exception(error)))
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 

@@ -154,8 +154,7 @@ def read_back(settings: RenderSettings) -> dict:
 
 def _draw(camera: Pinhole, settings: RenderSettings, domain: str, number: int) -> Views:
     rng = _stream(settings, domain, number, 0)
-    lighting = DOMAINS[domain].lighting
-    return draw_views(camera, 1, lighting, settings.distance_m, settings.attitude_deg, rng)
+    return draw_views(camera, 1, DOMAINS[domain].lighting, settings.distance_m, settings.attitude_deg, rng)
 
 
 def _render_part(

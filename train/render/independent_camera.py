@@ -63,8 +63,7 @@ class IndependentCamera:
             signal = signal + self.read_noise_e / np.sqrt(2) * rng.standard_t(4, light.shape)
         else:
             signal = signal + self.read_noise_e * rng.standard_normal(light.shape)
-        phase = rng.uniform(0, 2 * np.pi)
-        sine = np.sin(2 * np.pi * np.arange(rows) / self.row_banding_period + phase)
+        sine = np.sin(2 * np.pi * np.arange(rows) / self.row_banding_period + rng.uniform(0, 2 * np.pi))
         signal = signal + self.row_banding_e * sine[:, None]
         if self.row_noise_e:
             signal = signal + self.row_noise_e * rng.standard_normal((rows, 1))

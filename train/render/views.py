@@ -72,8 +72,7 @@ def draw_earth(camera: Pinhole, share: float, rng: np.random.Generator) -> np.nd
     clouds = np.zeros(shape)
     for octave in range(2, 7):
         coarse = rng.normal(size=(2**octave, 2**octave))
-        factors = [side / 2**octave for side in shape]
-        fine = zoom(coarse, factors, order=3, grid_mode=True, mode="nearest")
+        fine = zoom(coarse, [side / 2**octave for side in shape], order=3, grid_mode=True, mode="nearest")
         clouds = clouds + np.asarray(fine)[: shape[0], : shape[1]] * 0.5 ** (octave - 2)
     clouds = np.clip((clouds - clouds.mean()) / clouds.std() * 0.5 + 0.3, 0, 1)
     angle, offset = rng.uniform(0, 2 * np.pi), rng.uniform(-0.6, 0.8) * camera.width / 2

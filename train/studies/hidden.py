@@ -108,8 +108,7 @@ def hide_effects(
     for domain, camera in cameras.items():
         decides = f"{camera.to_yaml()} {hidden.light} {identity(views)}"
         decides += f" {files}" if (files := taken_from_files(camera)) else ""
-        digest = hashlib.sha256(decides.encode()).hexdigest()[:8]
-        folder = config.output / "cameras" / f"{domain}-{digest}"
+        folder = config.output / "cameras" / f"{domain}-{hashlib.sha256(decides.encode()).hexdigest()[:8]}"
         taken[domain] = take_views(camera, views, folder, domain, hidden.light, progress)
         if domain == PLAIN:
             continue

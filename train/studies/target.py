@@ -64,8 +64,7 @@ def check_cameras(config: Config) -> None:
     for name, made in config.cameras.items():
         if made.rendered is not None and (config.data.rendered is None or made.rendered not in _known()):
             problem, field = f"the camera of {made.rendered} is not known", f"cameras.{name}.rendered"
-            expected = f"data.rendered and one of {', '.join(_known())}"
-            raise InputError(problem, field=field, expected=expected)
+            raise InputError(problem, field=field, expected=f"data.rendered and one of {', '.join(_known())}")
 
 
 def make_cameras(

@@ -64,8 +64,7 @@ def check_bits(bits: int | None, kind: str) -> None:
     """
     if bits is not None and kind != "uint16" and not (kind == "uint8" and bits == 8):
         problem = f"{bits} bit are given for an image of {kind}, whose range is known"
-        expected = "no number of bits; only images of uint16 need one"
-        raise InputError(problem, field="bits", expected=expected)
+        raise InputError(problem, field="bits", expected="no number of bits; only images of uint16 need one")
 
 
 def take(

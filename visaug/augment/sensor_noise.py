@@ -220,8 +220,7 @@ class SensorNoise(nn.Module):
     def forward(self, images: Tensor) -> Tensor:
         check_images(images)
         check_values(images)
-        draws = self.draw(images.shape[0])
-        return self._noisy(images, draws, None)
+        return self._noisy(images, self.draw(images.shape[0]), None)
 
     def apply_draws(self, images: Tensor, draws: Mapping[str, Tensor], transfer: str | None = None) -> Tensor:
         """Applies the noise given by `draws`: the same draws and images give the same noise.

@@ -59,8 +59,7 @@ class JPEG(Effect):
         picture = round_through(signal.clamp(0, 1) * 255)
         channels, (rows, columns) = signal.shape[1], signal.shape[2:]
         if channels != 3:
-            step = steps(p.quality, LUMINANCE)
-            return round_through(_coded(picture - 128, step) + 128).clamp(0, 255) / 255
+            return round_through(_coded(picture - 128, steps(p.quality, LUMINANCE)) + 128).clamp(0, 255) / 255
         block = 16 if p.chroma == "half" else 8
         padded = F.pad(picture, (0, -columns % block, 0, -rows % block), mode="replicate")
         matrix = torch.tensor(YCC, dtype=signal.dtype, device=signal.device)

@@ -26,5 +26,4 @@ class Sharpening(Spreading):
     radius_px = Parameter(1.0, "px", 0.2, 50.0, "standard deviation of the blur: 0.5 to 2 px", trials=(2.0,))
 
     def apply(self, signal, p, stream, context):
-        detail = signal - gaussian_blur(signal, p.radius_px, p.radius_px)
-        return (signal + p.amount * detail).clamp(0, 1)
+        return (signal + p.amount * (signal - gaussian_blur(signal, p.radius_px, p.radius_px))).clamp(0, 1)

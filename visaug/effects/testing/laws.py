@@ -87,8 +87,7 @@ def zero_strength_is_identity(effect: type[Effect]) -> None:
             )
         for name in zero:
             p = effect.parameters[name]
-            usual = float(instruments.usual(p))
-            tried = [min(max(factor * usual, p.low), p.high) for factor in stronger]
+            tried = [min(max(factor * float(instruments.usual(p)), p.low), p.high) for factor in stronger]
             changed = any(
                 not torch.equal(
                     run(context=instruments.context(sequence=True), **{**zero, name: value}), image
