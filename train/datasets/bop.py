@@ -93,9 +93,8 @@ def _corners(root: Path, number: int) -> Keypoints | None:
         return None
     info = _table(file).get(str(number))
     if not isinstance(info, dict):
-        raise InputError(
-            "is missing", file=file, field=str(number), expected="min_x ... size_z of this object"
-        )
+        expected = "min_x ... size_z of this object"
+        raise InputError("is missing", file=file, field=str(number), expected=expected)
     names = [f"{of}_{axis}" for of in ("min", "size") for axis in "xyz"]
     low, size = np.split(np.array([numbers_of(info, name, 0, file, str(number)) for name in names]), 2)
     corners = np.array(list(product((0, 1), repeat=3)))

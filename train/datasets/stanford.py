@@ -46,9 +46,8 @@ def _spe3r_domains(root: Path) -> dict[str, tuple[str, ...]]:
     except (UnicodeDecodeError, csv.Error):
         raise InputError("is no CSV text", file=file, expected="spacecraft,train in UTF-8") from None
     if not all(len(row) == 2 and row[1] in ("train", "test") for row in rows):
-        raise InputError(
-            "is malformed", file=file, expected="spacecraft,train or spacecraft,test on each line"
-        )
+        expected = "spacecraft,train or spacecraft,test on each line"
+        raise InputError("is malformed", file=file, expected=expected)
     splits = {"train": ("train", "validation"), "test": ("test",)}
     return {name: splits[split] for name, split in rows if (root / name / "labels.json").is_file()}
 

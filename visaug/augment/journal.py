@@ -60,9 +60,8 @@ class Journal:
         foreign = [name for name in names if name not in self.made and place_of(self.folder, name).exists()]
         if foreign and not self.force:
             more = f" (and {len(foreign) - 1} more)" if len(foreign) > 1 else ""
-            raise _not_replaced(
-                f"exists, and visaug did not write it{more}", place_of(self.folder, foreign[0])
-            )
+            problem = f"exists, and visaug did not write it{more}"
+            raise _not_replaced(problem, place_of(self.folder, foreign[0]))
 
     def begin(self, name: str) -> None:
         """The file is about to be written; see `check`."""

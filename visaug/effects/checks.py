@@ -22,9 +22,8 @@ def check_definition(effect: type[Effect]) -> None:
     where = f"effect {effect.__name__}"
     name = effect.name
     if not isinstance(name, str) or not name.isascii() or not name.isidentifier():
-        raise InputError(
-            f"{where}: name: {name!r} is none; expected letters, digits and _, such as my_effect"
-        )
+        problem = f"{where}: name: {name!r} is none; expected letters, digits and _, such as my_effect"
+        raise InputError(problem)
     where = f"effect {name}"
     if not isinstance(getattr(effect, "stage", None), Stage):
         raise InputError(f"{where}: stage: expected a Stage such as Stage.READOUT")

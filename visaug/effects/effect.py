@@ -277,9 +277,8 @@ class Effect:
         """
         unknown = set(conditions) - set(CONDITIONS)
         if unknown:
-            raise InputError(
-                "is not a condition", field=min(unknown), expected=f"one of {', '.join(CONDITIONS)}"
-            )
+            problem = "is not a condition"
+            raise InputError(problem, field=min(unknown), expected=f"one of {', '.join(CONDITIONS)}")
         if not isinstance(signal, Tensor):
             raise InputError(f"signal is a {type(signal).__name__}", expected="a torch.Tensor")
         if not 2 <= signal.ndim <= 4:

@@ -54,9 +54,8 @@ def check_effect(effect: type[Effect]) -> None:
         >>> check_effect(visaug.effects.RowNoise)
     """
     if not (isinstance(effect, type) and issubclass(effect, Effect)):
-        raise InputError(
-            f"{effect!r} is no class of an effect", expected="for example visaug.effects.RowNoise"
-        )
+        problem = f"{effect!r} is no class of an effect"
+        raise InputError(problem, expected="for example visaug.effects.RowNoise")
     broken = broken_laws(effect)
     if broken:
         raise InputError(
