@@ -94,9 +94,7 @@ def _root(files: list[PurePosixPath], where: Path) -> PurePosixPath:
     """The uppermost folder among these files that has a reader's layout, or else SPEED's; `synthetic` is a part of SPEED+."""
 
     def roots(marks: Iterable[str]) -> set[PurePosixPath]:
-        found = [
-            (path, len(PurePosixPath(mark).parts)) for mark in marks for path in files if path.match(mark)
-        ]
+        found = [(path, mark.count("/") + 1) for mark in marks for path in files if path.match(mark)]
         return {path.parents[length - 1] for path, length in found if len(path.parts) - length <= 3}
 
     found = roots(mark for reader in READERS for mark in reader.marks)

@@ -116,9 +116,8 @@ def label_lines(poses: PoseSet, keypoints: Keypoints) -> list[str]:
     boxes = np.concatenate([(low + high) / 2, high - low], axis=1)
     points = np.where(targets.inside[..., None], targets.points / size, 0.0)
     rows = np.concatenate([points, 2.0 * targets.inside[..., None]], axis=2).reshape(len(poses), -1)
-    lines = [
-        " ".join(["0", *(f"{value:.6f}" for value in row)]) for row in np.concatenate([boxes, rows], axis=1)
-    ]
+    numbers = np.concatenate([boxes, rows], axis=1)
+    lines = [" ".join(["0", *(f"{value:.6f}" for value in row)]) for row in numbers]
     return [line + "\n" if seen else "" for seen, line in zip(targets.seen, lines)]
 
 

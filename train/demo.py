@@ -226,10 +226,8 @@ def finding(ablation: Ablation, output: Path, seed: int = 0) -> list[str]:
 def _first_screen(ablation: Ablation) -> Section:
     arms, domains = ablation.means, ablation.study.tests
     points = {d: {arm: ablation.of_seeds(arm, d, "oks_coco") for arm in arms} for d in domains}
-    caption = (
-        "Mean OKS (COCO's) on each test set: bars are means over the trainings, dots the single trainings."
-    )
-    return Section("The finding", [figure(plot_scores(points, "mean OKS (COCO)"), caption)])
+    text = "Mean OKS (COCO's) on each test set: bars are means over the trainings, dots the single trainings."
+    return Section("The finding", [figure(plot_scores(points, "mean OKS (COCO)"), text)])
 
 
 def _story(output: Path, seed: int) -> list[Section]:

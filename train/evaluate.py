@@ -1,6 +1,7 @@
 """Score predictions on a test set: means, AP, pose errors; image by image and as the summary of a domain."""
 
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -118,10 +119,8 @@ def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list
     shown = list(zip(detections, targets.boxes, targets.points, targets.inside))
     similarities = {"box": [box_iou(each.boxes, box) for each, box, *_ in shown]}
     for name in metrics.DEFINITIONS:
-        similarities[name] = [
-            keypoint_similarity(each.points, points, inside, box, name, keypoints.sigmas)
-            for each, box, points, inside in shown
-        ]
+        of = partial(keypoint_similarity, definition=name, sigmas=keypoints.sigmas)
+        similarities[name] = [of(each.points, points, inside, box) for each, box, points, inside in shown]
     scores = [each.scores for each in detections]
     visible = np.asarray(targets.inside.any(axis=1))
 

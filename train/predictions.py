@@ -72,11 +72,8 @@ class ImageNames:
         if sets and self.poses.name not in sets:
             self.passed.update({name.split("/")[0] for name in sets})
             return None
-        problem, expected = (
-            f"{text!r} is no image of {self.poses.name}",
-            f"a name such as {self.poses.ids[0]}",
-        )
-        raise InputError(problem, file=file, field=field, expected=expected)
+        problem = f"{text!r} is no image of {self.poses.name}"
+        raise InputError(problem, file=file, field=field, expected=f"a name such as {self.poses.ids[0]}")
 
     def also_of(self, text: object) -> set[str]:
         """The other domains of the folder that the name may mean as well."""
@@ -102,11 +99,9 @@ class ImageNames:
 
     def note(self, say: Say) -> None:
         """Say how many names were passed over that are of this domain, but of none of the images that are scored."""
-        poses = self.poses
-        if count := self.passed[poses.domain]:
-            say(
-                f"names of other images of {poses.domain} than those of {poses.name} were passed over: {count}"
-            )
+        of, count = self.poses.domain, self.passed[self.poses.domain]
+        if count:
+            say(f"names of other images of {of} than those of {self.poses.name} were passed over: {count}")
 
     def none_found(self, file: Path) -> InputError:
         problem, expected = f"names no image of {self.poses.name}", f"images such as {self.poses.ids[0]}"

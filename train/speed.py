@@ -256,10 +256,9 @@ def check_images(poses: PoseSet, listing: Path) -> None:
         raise InputError(problem, file=listing)
     for file in poses.files[:: max(1, len(poses) // 32)]:  # the rest is checked when it is read
         if (size := image_size(file)) != poses.camera.size:
-            raise InputError(
-                f"{file}: wrong camera: camera.json says {poses.camera.width} x {poses.camera.height} pixels, "
-                f"the image has {size[0]} x {size[1]}"
-            )
+            own, found = (f"{width} x {height}" for width, height in (poses.camera.size, size))
+            problem = f"wrong camera: camera.json says {own} pixels, the image has {found}"
+            raise InputError(problem, file=file)
 
 
 def image_size(file: Path) -> tuple[int, int]:
@@ -278,7 +277,6 @@ def check_camera(poses: PoseSet, listing: Path) -> None:
     size = np.array(poses.camera.size)
     near = (np.abs(points - size / 2) < 0.75 * size).all(axis=1)
     if near.mean() < 0.5:
-        raise InputError(
-            f"{listing}: wrong camera: {100 * (1 - near.mean()):.0f} % of the targets lie outside the image "
-            "by camera.json; expected most of them inside"
-        )
+        share = f"{100 * (1 - near.mean()):.0f} %"
+        problem = f"wrong camera: {share} of the targets lie outside the image by camera.json"
+        raise InputError(problem, file=listing, expected="most of them inside")

@@ -176,10 +176,8 @@ def weights_table(headline: str, means: Scores, other: str, others: Scores) -> R
     """The same runs' other weights beside those of all other tables: means over seeds."""
     measures = ("box_ap", "keypoint_ap_paper", "keypoint_ap_coco")
     head = ["arm", "domain", *(f"{MEASURES[m][1]}, {w}" for m in measures for w in (headline, other))]
-    places = [(arm, domain) for arm in others for domain in others[arm]]
-    rows = [
-        [a, d, *(_number(each[a][d][m]) for m in measures for each in (means, others))] for a, d in places
-    ]
+    both, places = (means, others), [(arm, domain) for arm in others for domain in others[arm]]
+    rows = [[a, d, *(_number(each[a][d][m]) for m in measures for each in both)] for a, d in places]
     note = (
         f"All other tables hold {headline}. `best` is the epoch that the clean validation images chose, which may be the one "
         "that has seen the least noise."

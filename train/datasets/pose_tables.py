@@ -70,7 +70,7 @@ def _spacesense_domains(root: Path) -> dict[str, tuple[str, ...]]:
 
 def _read_spacesense(root: Path, domain: str, split: str) -> PoseSet:
     files: list[Path] = []
-    quaternions, translations = [], []
+    quaternions, shifts = [], []
     # x right, y down, z forward, from AirSim's axes
     to_opencv = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
     target = "target_spacecraft_in_camera"
@@ -80,15 +80,12 @@ def _read_spacesense(root: Path, domain: str, split: str) -> PoseSet:
         files += [table.parent / "image" / f"{stamp}.png" for (stamp,) in texts]
         turns = to_opencv @ rotation_matrix(unit_quaternions(values[:, 3:], table))
         quaternions.append(matrix_quaternions(turns, table))
-        translations.append(values[:, :3] @ to_opencv.T)
+        shifts.append(values[:, :3] @ to_opencv.T)
     width, height = image_size(files[0])
     field_of_view_deg = 50.0  # over the width
     focal_px = width / 2 / math.tan(math.radians(field_of_view_deg) / 2)
     matrix = np.array([[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]])
-    camera, poses = (
-        Pinhole(width, height, matrix, np.zeros(5)),
-        map(np.concatenate, (quaternions, translations)),
-    )
+    camera, poses = Pinhole(width, height, matrix, np.zeros(5)), map(np.concatenate, (quaternions, shifts))
     return PoseSet(f"{domain}/{split}", camera, tuple(files), *poses, spacecraft=domain)
 
 

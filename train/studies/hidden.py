@@ -411,7 +411,5 @@ def _diagnoses(ablation: "Ablation") -> Iterator[Text | Table | Figure]:
     for each in ablation.study.hidden:
         error, steps = each.answer["error"], [s for s in each.answer["steps"] if s["error"] is not None]
         if steps:
-            yield figure(
-                plot_error_steps(steps, error["before"], error["floor"]),
-                f"{each.domain}: the error of the camera's file falling, on frames that were not used for finding.",
-            )
+            said = "the error of the camera's file falling, on frames that were not used for finding."
+            yield figure(plot_error_steps(steps, error["before"], error["floor"]), f"{each.domain}: {said}")

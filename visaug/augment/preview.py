@@ -122,10 +122,8 @@ def liveliest(crop: np.ndarray, rows: int, columns: int) -> tuple[slice, slice]:
     middling = grey * (255 - grey)
     tops = np.unique(np.linspace(0, height - rows, 9).astype(int))
     lefts = np.unique(np.linspace(0, width - columns, 9).astype(int))
-    top, left = max(
-        ((t, e) for t in tops for e in lefts),
-        key=lambda at: middling[at[0] : at[0] + rows, at[1] : at[1] + columns].sum(),
-    )
+    places = ((top, left) for top in tops for left in lefts)
+    top, left = max(places, key=lambda at: middling[at[0] : at[0] + rows, at[1] : at[1] + columns].sum())
     return slice(int(top), int(top) + rows), slice(int(left), int(left) + columns)
 
 

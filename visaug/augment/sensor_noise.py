@@ -127,11 +127,9 @@ class SensorNoise(nn.Module):
         self.resolution = options.check_choice("resolution", resolution)
         self.fast, self.seed, self.origin = fast, options.check_seed(seed), options.check_origin(origin)
         self.mono = options.check_flag("mono", mono)
-        if full_scale_photons is not None:
-            full_scale_photons = options.check_number(
-                "full_scale_photons", full_scale_photons, 0, 1e12, above=True
-            )
-        self.full_scale_photons = full_scale_photons
+        self.full_scale_photons = photons = full_scale_photons
+        if photons is not None:
+            self.full_scale_photons = options.check_number("full_scale_photons", photons, 0, 1e12, above=True)
         self.gain_db = options.check_range("gain_db", gain_db, -60, 120)
         # At the least a pixel of the largest full wells (1e6 e-) holds one electron.
         self.exposure = options.check_range("exposure", exposure, 1e-6, 1)

@@ -221,9 +221,8 @@ def _noises(transform: Any) -> Iterator[Any]:
 
 def _built(dataset: Any) -> Iterator[Any]:
     """Every Albumentations among the transforms of a dataset, or of several as one."""
-    waiting = [
-        part.transforms for part in getattr(dataset, "datasets", [dataset]) if hasattr(part, "transforms")
-    ]
+    parts = getattr(dataset, "datasets", [dataset])
+    waiting = [part.transforms for part in parts if hasattr(part, "transforms")]
     while waiting:
         one = waiting.pop()
         if type(one).__name__ == "Albumentations":

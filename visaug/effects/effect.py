@@ -282,9 +282,8 @@ class Effect:
         if not isinstance(signal, Tensor):
             raise InputError(f"signal is a {type(signal).__name__}", expected="a torch.Tensor")
         if not 2 <= signal.ndim <= 4:
-            raise InputError(
-                f"signal has shape {tuple(signal.shape)}", expected="(B, C, H, W), (C, H, W) or (H, W)"
-            )
+            expected = "(B, C, H, W), (C, H, W) or (H, W)"
+            raise InputError(f"signal has shape {tuple(signal.shape)}", expected=expected)
         seed, camera_seed = as_seed(seed), as_seed(camera_seed, "camera_seed")
         dtype = signal.dtype if signal.is_floating_point() else torch.float32
         if signal.numel() == 0:
@@ -299,28 +298,20 @@ class Effect:
         window = (range(rows), range(columns))
         bit_depth = int(known.pop("bit_depth"))
         numbers: dict[str, Any] = {key: _as_value(value, signal) for key, value in known.items()}
-        context = Context(
-            **numbers,
-            bit_depth=bit_depth,
-            reading="physical",
-            resolution=(rows, columns),
-            window=window,
-            sequence=sequence,
-        )
+        numbers |= {"bit_depth": bit_depth, "reading": "physical", "sequence": sequence}
+        context = Context(**numbers, resolution=(rows, columns), window=window)
         for name, value in self.conditions(p, context).items():
             if name in conditions:
                 expected = f"{type(self).__name__}({', '.join(f'{key}=...' for key in self.parameters)})"
                 raise InputError(f"follows from parameters of {self.name}", field=name, expected=expected)
             setattr(context, name, value)
-        stream = Stream(
-            keys, [derive_key(camera_seed, "camera")] * len(batch), batch.shape[1], window, signal.device
-        )
+        patterns = [derive_key(camera_seed, "camera")] * len(batch)
+        stream = Stream(keys, patterns, batch.shape[1], window, signal.device)
         return output_of(self, batch, p, stream, context).reshape(signal.shape).to(dtype)
 
     def __repr__(self) -> str:
-        return (
-            f"{type(self).__name__}({', '.join(f'{key}={value!r}' for key, value in self.values().items())})"
-        )
+        given = ", ".join(f"{key}={value!r}" for key, value in self.values().items())
+        return f"{type(self).__name__}({given})"
 
     def values(self) -> dict[str, Any]:
         """The value of every parameter, as given or the default."""
@@ -385,14 +376,10 @@ def output_of(effect: Effect, signal: Tensor, p: Values, stream: Stream, context
     Raises:
         InputError: it is not a tensor of the signal's shape.
     """
-    out = effect.apply(signal, p, stream, context)
+    out, where = effect.apply(signal, p, stream, context), f"effect {effect.name}: apply: returns"
     if not isinstance(out, Tensor):
-        raise InputError(
-            f"effect {effect.name}: apply: returns {type(out).__name__}; expected the signal after the effect, a tensor"
-        )
+        raise InputError(f"{where} {type(out).__name__}", expected="the signal after the effect, a tensor")
     if out.shape != signal.shape:
-        raise InputError(
-            f"effect {effect.name}: apply: returns shape {tuple(out.shape)}; expected that of the signal,"
-            f" {tuple(signal.shape)}"
-        )
+        expected = f"that of the signal, {tuple(signal.shape)}"
+        raise InputError(f"{where} shape {tuple(out.shape)}", expected=expected)
     return out

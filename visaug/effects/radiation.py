@@ -77,9 +77,8 @@ def entries(
     damaged = -math.expm1(-sites)
     if 0 < sites <= MOST_SITES:
         rate = sites * site_e_per_s / damaged
-        effects.append(
-            {"name": "hot_pixels", "density": damaged, "rate_e_per_s": rate, "b_per_c": b_per_c, "tail": 1.0}
-        )
+        damage = {"density": damaged, "rate_e_per_s": rate, "b_per_c": b_per_c, "tail": 1.0}
+        effects.append({"name": "hot_pixels", **damage})
     elif sites:
         added = sites * site_e_per_s
         # variance 2 rate^2 for each site: of a Poisson sum of exponential numbers

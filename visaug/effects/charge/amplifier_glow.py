@@ -70,9 +70,8 @@ class AmplifierGlow(Effect):
         height, width = context.resolution
         rows, columns = context.rows(signal) + 0.5, context.columns(signal) + 0.5
         if p.place == RIM:
-            distance = torch.minimum(
-                torch.minimum(rows, height - rows), torch.minimum(columns, width - columns)
-            )
+            to_sides = torch.minimum(rows, height - rows), torch.minimum(columns, width - columns)
+            distance = torch.minimum(*to_sides)
         else:
             y, x = PLACES[p.place]
             down = 0.0 if y is None else rows - y * height

@@ -44,10 +44,8 @@ def disc(radius_px):
     """Kernels (B, 1, K, K): the share of the disc's area in each pixel, by strips at even angles x = radius sin(angle)."""
     least_px = 0.25  # a disc within the middle of a pixel is a point
     radius = radius_px.clamp_min(least_px)
-    x, y = (
-        place.unsqueeze(-1)
-        for place in pixels_around(math.ceil(float(radius.detach().max()) - 0.5), radius_px)
-    )
+    reach = math.ceil(float(radius.detach().max()) - 0.5)
+    x, y = (place.unsqueeze(-1) for place in pixels_around(reach, radius_px))
     radius = radius.unsqueeze(-1)
     first, last = (torch.asin((edge / radius).clamp(-1 + 1e-6, 1 - 1e-6)) for edge in (x - 0.5, x + 0.5))
     share = (torch.arange(STRIPS, dtype=x.dtype, device=x.device) + 0.5) / STRIPS

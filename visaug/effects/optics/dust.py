@@ -38,19 +38,16 @@ class Dust(Effect):
 
     def apply(self, signal, p, stream, context):
         height, width = context.resolution
-        drawn = {
-            what: stream.fixed.fork(what).over(range(1), range(MOST))
-            for what in ("row", "column", "depth", "radius")
-        }
+        parts = ("row", "column", "depth", "radius")
+        drawn = {what: stream.fixed.fork(what).over(range(1), range(MOST)) for what in parts}
         share = {what: own.uniform("column")[:, :1].unbind(-1) for what, own in drawn.items()}
         rows, columns = context.rows(signal) + 0.5, context.columns(signal) + 0.5
         passed = torch.ones_like(p.depth)
         edge = 4  # power of the distance in the fall-off: a flat shadow with a soft edge
         for i in range(int(p.specks.detach().round().max())):
             radius2 = (p.radius_px * (2 / 3 + 5 / 6 * _at(share["radius"], i))) ** 2
-            away2 = (rows - height * _at(share["row"], i)) ** 2 + (
-                columns - width * _at(share["column"], i)
-            ) ** 2
+            down, across = rows - height * _at(share["row"], i), columns - width * _at(share["column"], i)
+            away2 = down**2 + across**2
             own = (1 + 2 * _at(share["depth"], i)) / 3 * (i < p.specks.round())
             passed = passed * (1 - p.depth * own * torch.exp(-((away2 / radius2) ** (edge // 2))))
         return signal * passed

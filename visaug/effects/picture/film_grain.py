@@ -40,9 +40,8 @@ class FilmGrain(Effect):
         away = torch.arange(-REACH_PX, REACH_PX + 1, device=signal.device, dtype=signal.dtype)
         kernel = torch.exp(-((away / p.size_px) ** 2) / 2)
         kernel = kernel / kernel.square().sum(-1, keepdim=True).sqrt()
-        grain = _along_rows(_along_rows(white.to(signal.dtype), kernel).transpose(-1, -2), kernel).transpose(
-            -1, -2
-        )
+        turned = _along_rows(white.to(signal.dtype), kernel).transpose(-1, -2)
+        grain = _along_rows(turned, kernel).transpose(-1, -2)
         held = signal.clamp(0, 1)
         depth = 2 * (held * (1 - held)).clamp_min(1e-8).sqrt()
         return (signal + p.sigma * depth * grain).clamp(0, 1)

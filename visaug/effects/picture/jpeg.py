@@ -81,9 +81,7 @@ def steps(quality: Tensor, table: str) -> Tensor:
     """The rounding steps of each image's coefficients, (B, 1, 1, 1, 8, 8)."""
     quality = quality.round().view(-1, 1, 1, 1, 1, 1)
     scale = torch.where(quality < 50, torch.floor(5000 / quality), 200 - 2 * quality)
-    half = torch.tensor(
-        [float(number) for number in table.split()], dtype=quality.dtype, device=quality.device
-    )
+    half = torch.tensor(list(map(float, table.split())), dtype=quality.dtype, device=quality.device)
     return ((scale * half.view(8, 8) + 50) / 100).floor().clamp(1, 255)
 
 

@@ -63,9 +63,8 @@ class ColumnParity(Effect):
         if len(profile) < 4 * READ[0]:
             return []
         columns = np.rint(seen.columns / step).astype(int)
-        tests = {
-            n: f_oneway(*(profile[columns % n == k] for k in range(n))) for n in READ if len(profile) >= 4 * n
-        }
+        numbers = [n for n in READ if len(profile) >= 4 * n]
+        tests = {n: f_oneway(*(profile[columns % n == k] for k in range(n))) for n in numbers}
         channels = max(tests, key=lambda n: tests[n].statistic)
         if tests[channels].pvalue > CERTAIN / len(tests):
             return []
@@ -81,10 +80,8 @@ class ColumnParity(Effect):
             own = columns % channels
         else:
             own = torch.floor(columns * channels / context.resolution[1]).clamp_max(MOST - 1)
-        offset, gain = (
-            torch.take_along_dim(_levels(stream.fixed.fork(what), channels), own.long(), -1)
-            for what in ("offset", "gain")
-        )
+        levels = (_levels(stream.fixed.fork(what), channels) for what in ("offset", "gain"))
+        offset, gain = (torch.take_along_dim(level, own.long(), -1) for level in levels)
         return signal * (1 + p.gain * gain) + p.offset_e * offset
 
     def moments(self, mean, p, context):

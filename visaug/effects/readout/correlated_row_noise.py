@@ -35,9 +35,8 @@ class CorrelatedRowNoise(Effect):
     def apply(self, signal, p, stream, context):
         axis = 0 if p.direction == "rows" else 1
         own = stream.over(range(1), range(2 * context.resolution[axis])).normal("column")
-        noise = coloured(own.flatten(2), p.exponent)[
-            ..., context.window[axis].start : context.window[axis].stop
-        ]
+        lines = context.window[axis]
+        noise = coloured(own.flatten(2), p.exponent)[..., lines.start : lines.stop]
         return signal + p.sigma_e * noise.unsqueeze(-1 if axis == 0 else -2)
 
     def moments(self, mean, p, context):

@@ -40,9 +40,8 @@ class SlantedInterference(Effect):
     def apply(self, signal, p, stream, context):
         angle = torch.deg2rad(p.angle_deg)
         across = context.rows(signal) * torch.cos(angle) + context.columns(signal) * torch.sin(angle)
-        return signal + p.amplitude_e * torch.sin(
-            2 * math.pi * (across / p.period_px + stream.uniform("frame"))
-        )
+        turns = across / p.period_px + stream.uniform("frame")
+        return signal + p.amplitude_e * torch.sin(2 * math.pi * turns)
 
     def moments(self, mean, p, context):
         return mean, p.amplitude_e**2 / 2

@@ -49,11 +49,9 @@ class Unexplained(Effect):
         pattern = context.measured_map(f"{self.name}.map_e", signal)
         if pattern is not None:
             out = out + pattern
-        power = self._part("row_power_e2", signal, context)
-        if power is not None:
+        if (power := self._part("row_power_e2", signal, context)) is not None:
             out = out + _lines(power, rows, context.window[0]).unsqueeze(-1)
-        power = self._part("column_power_e2", signal, context)
-        if power is not None:
+        if (power := self._part("column_power_e2", signal, context)) is not None:
             out = out + _lines(power, columns, context.window[1]).unsqueeze(-2)
         variance = self._variance(signal, context)
         if variance is not None:
@@ -66,10 +64,8 @@ class Unexplained(Effect):
         powers = [self._part(part, mean, context) for part in ("row_power_e2", "column_power_e2")]
         variance = sum((power.mean() for power in powers if power is not None), torch.zeros_like(mean))
         of_pixels = self._variance(mean, context)
-        return (
-            mean if pattern is None else mean + pattern,
-            variance if of_pixels is None else variance + of_pixels,
-        )
+        mean = mean if pattern is None else mean + pattern
+        return mean, variance if of_pixels is None else variance + of_pixels
 
     def _part(self, part, like, context):
         found = context.maps.get(f"{self.name}.{part}")
@@ -115,16 +111,10 @@ def fault_of(arrays: dict[str, np.ndarray], resolution: tuple[int, int]) -> tupl
     for name, shape in shapes.items():
         if name in arrays and arrays[name].shape != shape:
             return f"{name} has shape {arrays[name].shape}", f"{shape}, the camera's resolution"
-    level, variance = arrays.get("level_e"), arrays.get("variance_e2")
-    if level is not None or variance is not None:
-        if (
-            level is None
-            or variance is None
-            or level.ndim != 1
-            or not len(level)
-            or level.shape != variance.shape
-        ):
+    at, variance = arrays.get("level_e"), arrays.get("variance_e2")
+    if at is not None or variance is not None:
+        if at is None or variance is None or at.ndim != 1 or not len(at) or at.shape != variance.shape:
             return "level_e and variance_e2 do not match", "both, of one length"
-        if (np.diff(level.astype(np.float32)) <= 0).any():
+        if (np.diff(at.astype(np.float32)) <= 0).any():
             return "level_e does not rise", "levels in rising order"
     return None

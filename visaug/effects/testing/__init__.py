@@ -56,8 +56,6 @@ def check_effect(effect: type[Effect]) -> None:
     if not (isinstance(effect, type) and issubclass(effect, Effect)):
         problem = f"{effect!r} is no class of an effect"
         raise InputError(problem, expected="for example visaug.effects.RowNoise")
-    broken = broken_laws(effect)
-    if broken:
-        raise InputError(
-            f"effect {effect.name}: " + "; ".join(f"{law}: {text}" for law, text in broken.items())
-        )
+    if broken := broken_laws(effect):
+        said = "; ".join(f"{law}: {text}" for law, text in broken.items())
+        raise InputError(f"effect {effect.name}: {said}")
