@@ -113,10 +113,6 @@ def augment_files(
     Returns:
         What was done. Pictures that cannot be used are named in it and do not stop the others. A file that looks like
         labels is copied without noise, see `visaug.augment.label_images`.
-
-    Raises:
-        InputError: no pictures, none that can be used, two with the same place in `output`, an output that
-            has the name of a picture, or would overwrite an original, or a file that visaug did not write in the place of a copy.
     """
     output, seed = Path(output), as_seed(seed)
     p, bits = probability(p), used_bits(bits)
@@ -273,7 +269,6 @@ def add_noise(picture: Picture, noise: SensorNoise, seed: int, bits: int | None 
     Args:
         picture: floating-point values outside [0, 1] are cut first, as a sensor does.
         noise: whose transfer "auto" means the picture's own.
-        seed: of the noise.
         bits: depth of the data in 16-bit words.
     """
     pixels, colours = picture.pixels, picture.colours
@@ -293,12 +288,7 @@ def add_noise(picture: Picture, noise: SensorNoise, seed: int, bits: int | None 
 
 
 def _white(picture: Picture, bits: int | None) -> float:
-    """The value of white.
-
-    Raises:
-        InputError: values above that of `bits`, or floats that are all whole and exceed 1, as a picture of 0 to 255 has
-            them: light in [0, 1] would have fractions.
-    """
+    """The value of white; floats that are all whole and exceed 1, as a picture of 0 to 255 has them, are refused."""
     light = picture.light
     check_bits(bits, "floating point" if light.dtype.kind == "f" else light.dtype.name)
     if light.dtype.kind == "f":

@@ -42,9 +42,6 @@ def plan_jobs(
         copies: of each picture; with more than one, `a.png` becomes `a_1.png`, `a_2.png`, ...
         include: patterns, of which a picture has to match one; see `matches`. Empty means every picture.
         exclude: patterns, of which it may match none.
-
-    Raises:
-        InputError: no pictures, or a pattern to include that matches nothing.
     """
     jobs = CopyPlan()
     unused = set(include)
@@ -73,15 +70,7 @@ def plan_jobs(
 
 
 def check_kept(output: Path, written: Mapping[str, Path]) -> None:
-    """Refuse places that are, or lead by a link to, a file that is read.
-
-    Args:
-        output: folder of the copies.
-        written: name of each file below it -> what it is made of.
-
-    Raises:
-        InputError: an original would be overwritten.
-    """
+    """Refuse places that are, or lead by a link to, a file that is read; `written`: name below `output` -> its original."""
     read = {source.resolve(): source for source in written.values()}
     for name in written:
         original = read.get(place_of(output, name).resolve())

@@ -24,11 +24,7 @@ class Journal:
     Lines of JSON, the last of a name counts: one before a file is written, so that an interrupted run knows it as its own,
     and one after. A file is done if it is there as it was written and was made of the same: settings, code, maps and original,
     as one hash.
-    One command at a time writes into the folder.
-
-    Args:
-        folder: of the files.
-        force: files that visaug did not write may be replaced.
+    One command at a time writes into the folder. With `force`, files that visaug did not write may be replaced.
     """
 
     def __init__(self, folder: Path, force: bool = False) -> None:

@@ -85,11 +85,8 @@ def sources(trainer: Any) -> list[str]:
 
 
 def check_sources(trainer: Any) -> None:
-    """Before a training starts.
-
-    Raises:
-        InputError: noise would be added twice; a training that began with noise goes on without; or the noise is in
-            `augmentations=`, which ultralytics passes over for this task or number of channels.
+    """Before a training starts: refuses noise that would be added twice, that a training had and loses, or that is in
+    `augmentations=`, which ultralytics passes over for this task or number of channels.
     """
     found = sources(trainer)
     if len(found) > 1:

@@ -14,11 +14,7 @@ TAKEN = ("name", "map")  # keys of an effect in a camera file that are no parame
 
 
 def check_definition(effect: type[Effect]) -> None:
-    """Refuse a class with an attribute of a wrong type or value, before anything uses it.
-
-    Raises:
-        InputError: which attribute, and what was expected.
-    """
+    """Refuse a class with an attribute of a wrong type or value, before anything uses it."""
     where = f"effect {effect.__name__}"
     name = effect.name
     if not isinstance(name, str) or not name.isascii() or not name.isidentifier():
@@ -57,9 +53,6 @@ def try_effect(effect: type[Effect]) -> None:
 
     Parameters have their first trial value, or their default where there is none. An effect whose strength is then 0 is not
     applied, as in the chain.
-
-    Raises:
-        InputError: `apply` raises, returns anything but a finite tensor of the signal's shape, or changes its input.
     """
     level = 0.5 if effect.stage == Stage.PICTURE else 500.0
     trial = (2, 3, 96, 128)  # shape of the frames to which an effect is applied when it is registered

@@ -157,11 +157,7 @@ def _checked(parameter: Parameter, value: Any, path: str) -> Any:
 
 
 def ends(value: Any) -> tuple[float, float] | None:
-    """The ends of a value that is a range (low, high); None of any other.
-
-    Raises:
-        InputError: a pair whose first number is above its second.
-    """
+    """The ends of a value that is a range (low, high); None of any other."""
     if not isinstance(value, tuple | list) or len(value) != 2 or any(isinstance(one, str) for one in value):
         return None
     low, high = map(plain, value)
@@ -371,11 +367,7 @@ class Spreading(Effect):
 
 
 def output_of(effect: Effect, signal: Tensor, p: Values, stream: Stream, context: Context) -> Tensor:
-    """What `effect.apply` returns.
-
-    Raises:
-        InputError: it is not a tensor of the signal's shape.
-    """
+    """What `effect.apply` returns, if it is a tensor of the signal's shape."""
     out, where = effect.apply(signal, p, stream, context), f"effect {effect.name}: apply: returns"
     if not isinstance(out, Tensor):
         raise InputError(f"{where} {type(out).__name__}", expected="the signal after the effect, a tensor")

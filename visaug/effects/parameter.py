@@ -86,17 +86,7 @@ def plain(value: Any) -> Any:
 
 
 def check_value(parameter: Parameter, value: Any, path: str, file: Path | None = None) -> None:
-    """Checks that a value is a number within the parameter's bounds, or one of its options.
-
-    Args:
-        parameter: the parameter with its bounds or options.
-        value: the value to check.
-        path: key named by the error, e.g. "effects.0.sigma_e".
-        file: file named by the error.
-
-    Raises:
-        InputError: the value is not allowed.
-    """
+    """Checks that a value is a number within the parameter's bounds, or one of its options; the error names path and file."""
     if parameter.options:
         if value not in parameter.options:
             expected = f"one of {', '.join(parameter.options)}"

@@ -92,12 +92,7 @@ def _lines(power: Tensor, stream, window: range) -> Tensor:
 
 
 def fault_of(arrays: dict[str, np.ndarray], resolution: tuple[int, int]) -> tuple[str, str] | None:
-    """What is wrong with the arrays of a file, and what was expected; None if they are parts of this effect.
-
-    Args:
-        arrays: by name.
-        resolution: rows and columns of the sensor.
-    """
+    """What is wrong with the arrays of a file, and what was expected; None if they are parts of this effect."""
     for name, values in arrays.items():
         if name not in PARTS:
             return f"holds {name}", f"some of {', '.join(PARTS)}"
