@@ -32,12 +32,7 @@ LISTS = ("camera.json", "train.json")  # of which the uppermost folder of a data
 def prepare_archive(
     archive: str | Path, destination: str | Path | None, progress: Progress | None = None
 ) -> Path:
-    """Unpack an archive (zip, tar, tar.gz ...) into `destination`, or take a folder where it lies; check it, and return its root.
-
-    Raises:
-        InputError: the archive is missing, damaged or of something else; or the destination holds something else, or is
-            missing for an archive.
-    """
+    """Unpack an archive (zip, tar ...) into `destination`, or take a folder where it lies, and check it; its root."""
     archive = Path(archive)
     if archive.is_dir():
         root = find_root(archive)

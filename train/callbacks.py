@@ -78,13 +78,7 @@ def forget(folder: Path) -> None:
 
 
 class Checkpoints:
-    """Callbacks of one training that keep its state.
-
-    Args:
-        seed: of the training.
-        state: the checkpoint to resume from; None for a new training.
-        tell: called with the numbers of batches done and of all.
-    """
+    """Callbacks of one training that keep its state, resume from the checkpoint `state`, and `tell` the batches done and all."""
 
     def __init__(
         self, seed: int, state: dict[str, Any] | None = None, tell: Callable[[int, int], None] | None = None

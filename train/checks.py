@@ -42,10 +42,7 @@ def check_apart(parts: dict[str, PoseSet], tests: dict[str, PoseSet]) -> None:
 def check_target(source: str, keypoints: Keypoints, trained: PoseSet, poses: PoseSet) -> None:
     """Refuse images of another spacecraft than the one whose points a network was trained to find.
 
-    Args:
-        source: the config's `keypoints`. A file's points are taken for any spacecraft.
-        keypoints: the points that the network finds.
-        trained, poses: the training images, and those that it is to be scored on.
+    `source` is the config's `keypoints`: a file's points are taken for any spacecraft.
     """
     if source != "tango" or (poses.keypoints is None and poses.spacecraft == trained.spacecraft):
         return

@@ -118,8 +118,6 @@ def evaluate_predictions(
     Args:
         predictions: COCO's results of keypoints, or poses as Kelvins takes them (NAME.csv). What they do not hold has no
             score (None): boxes where records have no `bbox`, boxes and keypoints of poses.
-        data, domain, split: the set.
-        keypoints: the model that the keypoints belong to.
         images: COCO's annotations file, for records with `image_id`.
         poses_csv: where to write the poses that the keypoints give. Of images without labels that is all there is to do:
             every image gets a line, as a submission to Kelvins needs it.

@@ -111,13 +111,9 @@ class WhiteTwin(nn.Module):
 
 
 class RandomEffects(nn.Module):
-    """Sensor noise whose further effects come in a share of the images only, with strengths drawn for each.
+    """Sensor noise whose further effects, as `Vis.effects`, come in a share of the images only, with strengths drawn for each.
 
-    Args:
-        cameras: of which each image gets one at random.
-        effects: as `Vis.effects`.
-        p: the share of the images that a camera takes; the others pass unchanged.
-        options: of `SensorNoise`.
+    Each image gets one of the cameras at random; `p` is the share of the images that a camera takes.
     """
 
     def __init__(

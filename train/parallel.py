@@ -32,12 +32,7 @@ _tell: Any = None  # in a worker: the queue to the process that shows the progre
 def spread(
     study: Study, runs: list[tuple[str, int]], work: Work, cluster: Cluster, progress: Progress | None = None
 ) -> dict[tuple[str, int], str]:
-    """Do `work(study, arm, seed)` for all runs; returns what went wrong, by run.
-
-    Args:
-        work: leaves its results in files; a function that can be imported, or pickled by value.
-        progress: called when a run has ended.
-    """
+    """Do `work(study, arm, seed)`, which leaves its results in files, for all runs; returns what went wrong, by run."""
     with connected(cluster.address) as ray:
         total = ray.cluster_resources()
         for name, wanted in (("CPU", cluster.cpus_per_run), ("GPU", cluster.gpus_per_run)):
@@ -88,10 +83,7 @@ def _in_folder(
 class Workers:
     """Processes that do what is submitted, in this order; they end with the block, or with the process that made them.
 
-    Args:
-        processes: at a time.
-        runs: that will be submitted, of which the progress tells.
-        progress: called with (description, done, total); the steps of all runs are counted together.
+    The progress tells of the `runs` that will be submitted; the steps of all are counted together.
     """
 
     def __init__(self, processes: int, runs: int = 0, progress: Progress | None = None):

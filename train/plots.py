@@ -15,10 +15,8 @@ if TYPE_CHECKING:
 
 
 def plot_dependence(evaluations: Mapping[str, Sequence[Evaluation]]) -> "Figure":
-    """Mean score against distance, attitude and brightness, in bins of equally many images.
-
-    Args:
-        evaluations: arm -> the evaluations of its seeds on one domain.
+    """Mean score of arms, each with the evaluations of its seeds on one domain, against distance, attitude and brightness, in
+    bins of equally many images.
     """
     causes = {
         "distance_m": "distance, m",
@@ -61,12 +59,7 @@ def plot_gallery(evaluation: Evaluation, indices: Sequence[int] | np.ndarray) ->
 def plot_scores(
     points: Mapping[str, Mapping[str, Sequence[float]]], score: str = "keypoint AP50-95 (COCO)"
 ) -> "Figure":
-    """A score from 0 to 1 as bars of the mean with a dot for each seed.
-
-    Args:
-        points: group of bars -> bar -> scores of the seeds; bars in one order.
-        score: label of its axis.
-    """
+    """A score from 0 to 1 as bars of the mean with a dot for each seed: group of bars -> bar -> scores of the seeds."""
     trainings = list(dict.fromkeys(name for bars in points.values() for name in bars))
     width = 0.8 / len(trainings)
     with styled():

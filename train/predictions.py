@@ -34,7 +34,6 @@ class ImageNames:
     """Names of the images of a set, as networks write them: with or without folders and suffix, `/` or `\\` between.
 
     Args:
-        poses: the set.
         elsewhere: files of the images of the folder's other domains and splits, by domain/split. A file of predictions
             may hold these too.
         root: the folder, below which the folders of a file tell a set from the others.
@@ -135,18 +134,14 @@ def load_predictions(
 ) -> list[Detections]:
     """The detections of each image of `poses`; an image that the file does not name has none.
 
+    Boxes of records without `bbox`, which COCO's results of keypoints need not have, are NaN. A file of several domains whose
+    names do not say which is refused.
+
     Args:
-        path: COCO's results.
         keypoints: how many a record has.
         images: COCO's annotations file, whose `images` map an `image_id` to a file.
         names: which image a name means; those of `poses` alone where left out.
         say: told of images with several records, where these may be of several domains.
-
-    Raises:
-        InputError: a record that cannot be read, or a file of several domains whose names do not say which.
-
-    Returns:
-        Boxes of records without `bbox`, which COCO's results of keypoints need not have, are NaN.
     """
     path = Path(path)
     names = names or ImageNames(poses)
@@ -241,11 +236,8 @@ def predict(
 ) -> list[Detections]:
     """Detections of a trained network with a score above 0.001, in pixels of the files; AP needs uncertain ones too.
 
-    Args:
-        weights: the network's file.
-        image_size: ultralytics' `imgsz`.
-        size, reduce: width and height to which the images are reduced before ultralytics sees them, and how: as the
-            training images were. Without `size` the longer side gets `image_size` pixels.
+    `size` and `reduce` are width and height to which the images are reduced before ultralytics sees them, and how: as the
+    training images were. Without `size` the longer side gets `image_size` pixels, which is ultralytics' `imgsz`.
     """
     quiet_ultralytics(settings_folder)
     from ultralytics import YOLO
@@ -318,7 +310,6 @@ def load_poses(
 
     Args:
         path: the CSV. It may hold other domains too, even under the same names, as a submission does.
-        poses: the images.
         names: which image a name means; those of `poses` alone where left out.
         say: told of every convention but Kelvins' own that was recognised.
     """

@@ -34,13 +34,10 @@ def variance_left(whole: int, size: int, how: str) -> float:
 
 
 def reduced_camera(camera: dict[str, Any], whole: Size, size: Size, how: str) -> dict[str, Any]:
-    """The content of a camera.yaml whose noise is that of the camera's images once these are reduced.
+    """The content of a camera.yaml whose noise is that of the camera's images once these are reduced from `whole` to `size`.
 
     Noise of pixels, rows and columns is taken as white. Electrons per DN rise as the variance of shot noise falls. JPEG comes
     before the reduction and is left out.
-
-    Args:
-        whole, size: width and height of the camera's images and of the reduced ones.
     """
     columns, rows = (variance_left(a, b, how) for a, b in zip(whole, size, strict=True))
     pixels = rows * columns

@@ -163,15 +163,12 @@ def severity(
 
     Args:
         poses: labelled images. What noise they carry comes in addition, so noiseless ones tell most.
-        keypoints: the points that the network finds.
         predict: gives the detections of a set's images, in their pixels; it reads `poses.files`.
         camera: the measured camera; its `randomize` is not used.
         folder: of severity.json, severity.csv and severity.png.
         axes: see `points_of`.
         network: what tells this network from another one, such as a digest of its weights; it decides whether points that
             are there already are taken over.
-        seed: of the noise.
-        progress: called with (description, done, total).
     """
     folder = Path(folder)
     file, images = folder / "severity.json", folder / "images.partial"
