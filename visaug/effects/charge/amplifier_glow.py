@@ -5,16 +5,15 @@ import torch
 from visaug.effects.charge.dark_electrons import REFERENCE_C, add_dark_electrons
 from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
-PLACES = {
+# where on the sensor, in shares of its rows and columns; None: all along that side
+CORNERS = {
     "top_left": (0.0, 0.0),
     "top_right": (0.0, 1.0),
     "bottom_left": (1.0, 0.0),
     "bottom_right": (1.0, 1.0),
-    "top": (0.0, None),
-    "bottom": (1.0, None),
-    "left": (None, 0.0),
-    "right": (None, 1.0),
-}  # where on the sensor, in shares of its rows and columns; None: all along that side
+}
+SIDES = {"top": (0.0, None), "bottom": (1.0, None), "left": (None, 0.0), "right": (None, 1.0)}
+PLACES = {**CORNERS, **SIDES}
 RIM = "rim"  # all four sides: drivers and amplifiers all around
 
 

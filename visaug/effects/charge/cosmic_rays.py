@@ -54,13 +54,8 @@ class CosmicRays(Effect):
             return []
         length = max(float(pixels.mean()) - 1, cls.parameters["length_px"].low)
         rate = len(pixels) * math.exp(1 / length) / seen.searched_mpx_s
-        return [
-            {
-                "rate_per_mpx_s": rate,
-                "charge_e_per_px": float((electrons / pixels).mean()),
-                "length_px": length,
-            }
-        ]
+        charge = float((electrons / pixels).mean())
+        return [{"rate_per_mpx_s": rate, "charge_e_per_px": charge, "length_px": length}]
 
     def apply(self, signal, p, stream, context):
         expected = (p.rate_per_mpx_s * (context.exposure_s + p.readout_s) * 1e-6).detach()

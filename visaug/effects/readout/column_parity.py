@@ -21,14 +21,8 @@ class ColumnParity(Effect):
     name = "column_parity"
     stage = Stage.READOUT
     order = 32
-    aliases = (
-        "odd-even columns",
-        "tap mismatch",
-        "channel mismatch",
-        "fixed pattern noise",
-        "FPN",
-        "vertical stripes",
-    )
+    aliases = ("odd-even columns", "tap mismatch", "channel mismatch", "fixed pattern noise", "FPN")
+    aliases += ("vertical stripes",)
     summary = "Columns of several readout channels differ in offset and gain."
     equation = (
         "V <- V (1 + gain g_k) + offset o_k, k = column mod n, or floor(n column / columns); o and g of mean 0 and rms 1 over "
