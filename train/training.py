@@ -213,7 +213,7 @@ def _train(
     if state is not None and state["exact"]["over"]:
         callbacks.finish(folder, state)
         return state["exact"]["seconds"]
-    kept = callbacks.Checkpoints(seed, state, progress and partial(progress, title))
+    kept = callbacks.Checkpoints(seed, state, partial(progress, title) if progress else None)
     if state is None:
         shutil.rmtree(folder, ignore_errors=True)
         model = YOLO(config.model, task="pose", verbose=False)

@@ -85,8 +85,9 @@ def _read_spacesense(root: Path, domain: str, split: str) -> PoseSet:
     field_of_view_deg = 50.0  # over the width
     focal_px = width / 2 / math.tan(math.radians(field_of_view_deg) / 2)
     matrix = np.array([[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]])
-    camera, poses = Pinhole(width, height, matrix, np.zeros(5)), map(np.concatenate, (quaternions, shifts))
-    return PoseSet(f"{domain}/{split}", camera, tuple(files), *poses, spacecraft=domain)
+    camera, name = Pinhole(width, height, matrix, np.zeros(5)), f"{domain}/{split}"
+    turns, places = np.concatenate(quaternions), np.concatenate(shifts)
+    return PoseSet(name, camera, tuple(files), turns, places, spacecraft=domain)
 
 
 SPARK = Reader("SPARK 2022", ("train/train.csv", "val/val.csv"), _spark_domains, _read_spark)

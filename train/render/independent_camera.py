@@ -96,50 +96,22 @@ class IndependentCamera:
 
 
 # Low light: few electrons at high gain, so read noise and patterns are large against the signal.
-LIGHTBOX_CAMERA = IndependentCamera(
-    serial=11,
-    full_well_e=900.0,
-    e_per_dn=0.25,
-    read_noise_e=14.0,
-    pixel_offset_e=6.0,
-    column_offset_e=9.0,
-    row_banding_e=18.0,
-    tap_gain=0.12,
-    tap_offset_e=22.0,
+_LOW_LIGHT = IndependentCamera(
+    serial=11, full_well_e=900.0, e_per_dn=0.25, read_noise_e=14.0, pixel_offset_e=6.0, column_offset_e=9.0
 )
+LIGHTBOX_CAMERA = replace(_LOW_LIGHT, row_banding_e=18.0, tap_gain=0.12, tap_offset_e=22.0)
 # Hard light on a sensor with a small well: saturation and its consequences.
-SUNLAMP_CAMERA = IndependentCamera(
-    serial=12,
-    full_well_e=1400.0,
-    e_per_dn=0.4,
-    read_noise_e=16.0,
-    pixel_offset_e=5.0,
-    column_offset_e=8.0,
-    bloom_share=0.85,
-    flare_share=0.12,
+_SMALL_WELL = IndependentCamera(
+    serial=12, full_well_e=1400.0, e_per_dn=0.4, read_noise_e=16.0, pixel_offset_e=5.0, column_offset_e=8.0
 )
+SUNLAMP_CAMERA = replace(_SMALL_WELL, bloom_share=0.85, flare_share=0.12)
 # Cameras that pictures alone can tell of: black is above 0, the converter ends before the well is full, and every row and
 # column has an offset.
-LIGHTBOX_LINES_CAMERA = IndependentCamera(
-    serial=13,
-    full_well_e=1500.0,
-    e_per_dn=0.04,
-    black_level_dn=320.0,
-    keeps_black=True,
-    heavy_tails=False,
-    read_noise_e=4.0,
-    column_offset_e=2.4,
-    row_noise_e=2.4,
-)
-SUNLAMP_LINES_CAMERA = replace(
-    LIGHTBOX_LINES_CAMERA,
-    serial=14,
-    full_well_e=2500.0,
-    e_per_dn=0.06,
-    read_noise_e=6.0,
-    column_offset_e=4.0,
-    row_noise_e=4.0,
-)
+_LIFTED_BLACK = IndependentCamera(black_level_dn=320.0, keeps_black=True, heavy_tails=False)
+_DIM = replace(_LIFTED_BLACK, serial=13, full_well_e=1500.0, e_per_dn=0.04)
+_BRIGHT = replace(_LIFTED_BLACK, serial=14, full_well_e=2500.0, e_per_dn=0.06)
+LIGHTBOX_LINES_CAMERA = replace(_DIM, read_noise_e=4.0, column_offset_e=2.4, row_noise_e=2.4)
+SUNLAMP_LINES_CAMERA = replace(_BRIGHT, read_noise_e=6.0, column_offset_e=4.0, row_noise_e=4.0)
 
 
 def _bloom(charge: np.ndarray, full_well_e: float, share: float) -> np.ndarray:
