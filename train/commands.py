@@ -14,6 +14,7 @@ from visaug.core.errors import InputError, PartlyFailed
 from visaug.core.files import folder_lock
 from visaug.core.progress import Progress
 from visaug_train import predictions as files
+from visaug_train import training
 from visaug_train.checks import check_arms, check_target
 from visaug_train.config import Config, load_config
 from visaug_train.convert import identity
@@ -24,11 +25,10 @@ from visaug_train.geometry import Keypoints
 from visaug_train.metrics import Detections
 from visaug_train.readings import point_readings
 from visaug_train.results import ablate as run_ablation
-from visaug_train.scoring import evaluate_run, other_summaries, other_weights, predictions_of, predictor
 from visaug_train.severity import severity
 from visaug_train.speed import PoseSet
 from visaug_train.strength import strengths
-from visaug_train.training import Run, Study, prepare, run_folder, train_run
+from visaug_train.training import Run, Study, prepare, train_run
 
 
 def train(config_path: Path, seed: int = 0, progress: Progress | None = None, arm: str | None = None) -> str:
@@ -81,10 +81,10 @@ def evaluate(
         poses = read_poses(*elsewhere, seed=study.config.data.split_seed, labels=False)
         check_target(study.config.data.keypoints, study.keypoints, study.training_images, poses)
         if not poses.labelled:
-            detections = predictions_of(study, run, poses.domain, poses, progress)
+            detections = training.predictions_of(study, run, poses.domain, poses, progress)
             return {poses.domain: submission(poses, study.keypoints, detections, poses_csv)}
         study = replace(study, tests={poses.domain: poses})
-    evaluations, folder = evaluate_run(study, run, progress), run.folder
+    evaluations, folder = training.evaluate_run(study, run, progress), run.folder
     for domain, evaluation in evaluations.items():
         name = domain
         if domain in own and (found := identity(evaluation.poses)) != identity(own[domain]):
@@ -95,10 +95,10 @@ def evaluate(
         if poses_csv is not None:
             files.save_poses(poses_csv, evaluation.poses, evaluation.found)
     weights = study.config.weights
-    others = other_summaries(study, run, progress)
+    others = training.other_summaries(study, run, progress)
     return {
         domain: {**evaluation.summary(), "weights": weights}
-        | ({other_weights(weights): others[domain]} if domain in others else {})
+        | ({training.other_weights(weights): others[domain]} if domain in others else {})
         for domain, evaluation in evaluations.items()
     }
 
@@ -182,7 +182,7 @@ def severity_curves(
         poses = read_poses(*elsewhere, seed=study.config.data.split_seed)
         check_target(study.config.data.keypoints, study.keypoints, study.training_images, poses)
     network = hashlib.sha256(run.weights.read_bytes()).hexdigest()
-    predict, measured = predictor(study, run, run.weights), Camera.load(camera)
+    predict, measured = training.predictor(study, run, run.weights), Camera.load(camera)
     severity(poses, study.keypoints, predict, measured, output, axes or None, network, seed, progress)
     return f"curves: {output / 'severity.csv'}, {output / 'severity.png'}"
 
@@ -199,7 +199,7 @@ def _trained(config_path: Path, seed: int, progress: Progress | None, arm: str |
     if not any((config.output / "runs").glob(f"{arm}-seed{first}-*/run.json")):
         raise missing
     study = prepare(_seeded(config_path, seed), progress)
-    folder = run_folder(study, arm, first)
+    folder = training.run_folder(study, arm, first)
     if not (folder / "run.json").is_file():  # trained, but with other settings
         raise missing
     return study, train_run(study, arm, first, progress)

@@ -22,8 +22,7 @@ from visaug.core.progress import Progress
 from visaug.core.wording import counted
 from visaug.effects.catalogue import load_file, loaded_files
 from visaug_train.config import Cluster
-from visaug_train.scoring import run_and_score
-from visaug_train.training import Study, note_failure, run_folder, train_run
+from visaug_train.training import Study, note_failure, run_and_score, run_folder, train_run
 
 Work = Callable[[Study, str, int], Any]
 _tell: Any = None  # in a worker: the queue to the process that shows the progress

@@ -13,14 +13,13 @@ from visaug.core.errors import InputError
 from visaug.core.files import write_json, write_text
 from visaug.core.progress import Progress
 from visaug.core.wording import counted
-from visaug_train import tables
+from visaug_train import tables, training
 from visaug_train.checks import Say, check_arms
 from visaug_train.config import Config
 from visaug_train.evaluate import Evaluation
 from visaug_train.parallel import spread
 from visaug_train.predictions import save_poses
 from visaug_train.record import COMPARED
-from visaug_train.scoring import other_weights, run_and_score
 from visaug_train.statistics import holm, image_variance, paired_interval, paired_p_value
 from visaug_train.strength import Strengths, strengths
 from visaug_train.studies import hidden, target
@@ -225,7 +224,7 @@ class Ablation:
         made["differences"] = tables.difference_table(self.differences, config.baseline)
         if self.others:
             others = self._over_seeds(self.others)
-            other = other_weights(config.weights)
+            other = training.other_weights(config.weights)
             made["weights"] = tables.weights_table(config.weights, self.means, other, others)
         seen = target.transductive(self.study)
         return {name: tables.marked(table, seen) for name, table in made.items()}
@@ -243,7 +242,7 @@ class Ablation:
                     "surroundings": run.surroundings,
                     "weights": self.config.weights,
                     "scores": self.summaries[arm, seed],
-                    other_weights(self.config.weights): self.others.get((arm, seed)),
+                    training.other_weights(self.config.weights): self.others.get((arm, seed)),
                 }
                 for (arm, seed), (run, _) in self.scored.items()
             ],
@@ -300,14 +299,14 @@ def ablate(config: Config, progress: Progress | None = None, announce: Say | Non
         said = note_failure(study, "start", config.start.seed if config.start else 0, error)
         problem = f"the network that all runs start from could not be trained ({said})"
         raise InputError(problem, file=config.output / "failures") from error
-    lost = spread(study, runs, run_and_score, config.cluster, progress) if config.cluster else {}
+    lost = spread(study, runs, training.run_and_score, config.cluster, progress) if config.cluster else {}
     scored, failures, others = {}, [], {}
     for arm, seed in runs:
         if (arm, seed) in lost:
             failures.append(Failure(arm, seed, lost[arm, seed]))
             continue
         try:
-            run, scored_sets, others[arm, seed] = run_and_score(study, arm, seed, progress)
+            run, scored_sets, others[arm, seed] = training.run_and_score(study, arm, seed, progress)
             scored[arm, seed] = run, scored_sets
         except Exception as error:
             failures.append(Failure(arm, seed, note_failure(study, arm, seed, error)))
