@@ -6,10 +6,9 @@ from typing import Any
 import torch
 
 from visaug.core.errors import InputError, described, user_line
-from visaug.effects.effect import Effect, Stage
+from visaug.effects.effect import TEXTS, Effect, Stage
 from visaug.effects.parameter import Parameter, check_value, unused
 
-TEXTS = ("summary", "equation", "source", "why_not", "separates", "map_unit")
 TAKEN = ("name", "map")  # keys of an effect in a camera file that are no parameters
 
 

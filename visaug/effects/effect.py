@@ -143,6 +143,9 @@ CONDITIONS = {
 }
 
 
+TEXTS = ("summary", "equation", "source", "why_not", "separates", "map_unit")
+
+
 def _as_value(value: float, like: Tensor) -> Tensor:
     """A number in the form in which the chain passes it to an effect."""
     return torch.as_tensor(value, dtype=torch.float32, device=like.device).reshape(1, 1, 1, 1)
@@ -218,6 +221,9 @@ class Effect:
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        for key in TEXTS:  # a sentence may run over several lines
+            if isinstance(text := vars(cls).get(key), str) and "\n" in text:
+                setattr(cls, key, " ".join(text.split()))
         own = {key: value for key, value in vars(cls).items() if isinstance(value, Parameter)}
         cls.parameters = {**cls.parameters, **own}
 

@@ -18,10 +18,8 @@ class BlackSun(Effect):
     aliases = ("eclipse", "sun spot", "black dot")
     summary = "The centre of a very bright source becomes dark."
     equation = "N <- max(0, min(N, W) - share max(0, N - onset W)), W: full well"
-    source = (
-        "derived: correlated double sampling subtracts a reset level that has collected `share` of the light; principle of the "
-        "sampling after J. Ohta, Smart CMOS Image Sensors and Applications (CRC Press), chapter 2"
-    )
+    source = """derived: correlated double sampling subtracts a reset level that has collected `share` of the light;
+    principle of the sampling after J. Ohta, Smart CMOS Image Sensors and Applications (CRC Press), chapter 2"""
     separates = "image the sun or a laser at rising intensity: the centre is bright, saturated, then dark; dead pixels are fixed"
     proposed = False  # frames of a laboratory contain no source so far above the full well
     share = Strength(

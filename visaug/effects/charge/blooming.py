@@ -29,14 +29,10 @@ class Blooming(Effect):
     aliases = ("overflow", "bleeding", "vertical streak", "halo of saturated pixels")
     summary = "Charge above the full well spills to neighbours, in the column or on all sides."
     equation = "N_i <- N_i - share (N_i - full well)+ + what neighbours' overflow fills into N_i < full well"
-    source = (
-        "J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on blooming; isotropic: the divisible sandpile of L. Levine "
-        "and Y. Peres, Potential Analysis 30 (2009) 1"
-    )
-    separates = (
-        "image a bright spot below and above the full well: blooming occurs only above it; smear does not "
-        "require a full well"
-    )
+    source = """J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on blooming; isotropic: the
+    divisible sandpile of L. Levine and Y. Peres, Potential Analysis 30 (2009) 1"""
+    separates = """image a bright spot below and above the full well: blooming occurs only above it; smear
+    does not require a full well"""
     share = Strength(0.5, "fraction", 0.0, 1.0, "1: no anti-blooming drain", trials=(0.2, 0.8, 1.0))
     upward = Parameter(
         0.5,

@@ -23,15 +23,11 @@ class BrighterFatter(Effect):
     local = False
     aliases = ("BFE", "charge repulsion", "dynamic charge deflection")
     summary = "Charge in a pixel deflects further charge to its neighbours, increasingly with the signal."
-    equation = (
-        "N_i <- N_i + sum over neighbours j of a (P_j - P_i), at most 0.2 |N_j - N_i|, and tail times the same over those after "
-        "next; P = N^2 / 2, beyond the full well W: W^2 / 2 + beyond W (N - W)"
-    )
+    equation = """N_i <- N_i + sum over neighbours j of a (P_j - P_i), at most 0.2 |N_j - N_i|, and tail times
+    the same over those after next; P = N^2 / 2, beyond the full well W: W^2 / 2 + beyond W (N - W)"""
     source = "P. Antilogus et al., JINST 9 (2014) C03048; A. Guyonnet et al., A&A 575 (2015) A41"
-    separates = (
-        "measure the covariance of neighbours in flats: brighter_fatter grows with the square of the level,"
-        " crosstalk in proportion to it"
-    )
+    separates = """measure the covariance of neighbours in flats: brighter_fatter grows with the square of the
+    level, crosstalk in proportion to it"""
     share_per_ke = Strength(
         3e-4,
         unit="1/(1000 e-)",

@@ -25,17 +25,13 @@ class ChargeTransferInefficiency(Effect):
     local = False
     aliases = ("CTI", "CTE", "deferred charge", "trailing", "smear", "radiation")
     summary = (
-        "Each transfer leaves a fraction of the charge behind; trails grow with the number of transfers."
+        """Each transfer leaves a fraction of the charge behind; trails grow with the number of transfers."""
     )
-    equation = (
-        "N_i <- (1 - d_i) N_i + (1 - q) sum_k>0 q^(k-1) d_(i-k) N_(i-k), "
-        "d_i = 1 - (1 - share (N_i / 1000)^(beta - 1))^n_i, q = exp(-1 / trail)"
-    )
+    equation = """N_i <- (1 - d_i) N_i + (1 - q) sum_k>0 q^(k-1) d_(i-k) N_(i-k), d_i = 1 - (1 - share (N_i /
+    1000)^(beta - 1))^n_i, q = exp(-1 / trail)"""
     source = "J. Janesick, Scientific Charge-Coupled Devices (2001); R. Massey et al., MNRAS 401 (2010) 371"
-    separates = (
-        "image edges near and far from the readout register: the trail grows with the distance, image lag "
-        "does not"
-    )
+    separates = """image edges near and far from the readout register: the trail grows with the distance,
+    image lag does not"""
     share_per_transfer = Strength(
         1e-5, "fraction", 0.0, 0.02, "new CCDs 1e-6, irradiated 1e-4", trials=(1e-4, 6e-4)
     )

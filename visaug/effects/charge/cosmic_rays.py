@@ -19,9 +19,7 @@ class CosmicRays(Effect):
     local = False
     aliases = ("particle tracks", "single event transients", "SET", "radiation")
     summary = "Particles leave tracks of charge in single frames."
-    equation = (
-        "tracks ~ Poisson(rate (t + readout) per 10^6 px), charge per px ~ Exp(charge), length ~ Exp(length)"
-    )
+    equation = """tracks ~ Poisson(rate (t + readout) per 10^6 px), charge per px ~ Exp(charge), length ~ Exp(length)"""
     source = "D. Groom, Experimental Astronomy 14 (2002) 45; 80 e- per um of silicon"
     differentiable = False
     why_not = "the number of tracks and the pixels they cross are discrete"

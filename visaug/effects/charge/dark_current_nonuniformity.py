@@ -18,9 +18,7 @@ class DarkCurrentNonuniformity(Effect):
     aliases = ("DCNU", "fixed pattern noise", "FPN", "dark fixed pattern")
     summary = "Dark current differs from pixel to pixel; the pattern grows with exposure and temperature."
     equation = "mu_e <- mu_e + D(T) t (K - 1), K lognormal of mean 1 and standard deviation spread"
-    source = (
-        "R. D. Gow et al., IEEE Trans. Electron Devices 54 (2007) 1321; EMVA 1288 release 4 Linear, section 7"
-    )
+    source = """R. D. Gow et al., IEEE Trans. Electron Devices 54 (2007) 1321; EMVA 1288 release 4 Linear, section 7"""
     separates = "take darks at two exposures: this pattern grows with the exposure, dsnu does not"
     map_unit = "factor K"
     map_low = 0.0

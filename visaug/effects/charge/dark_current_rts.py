@@ -20,18 +20,12 @@ class DarkCurrentRTS(Effect):
     order = 32
     aliases = ("DC-RTS", "random telegraph noise", "blinking pixels")
     summary = "The dark current of a few pixels jumps between two levels from frame to frame."
-    equation = (
-        "mu_e <- mu_e + t A_pixel exp(b (T - 20 C)) s, s in {0, 1} with P(1) = duty, s_k = s_(k-1) with probability kept, "
-        "else drawn anew"
-    )
-    source = (
-        "I. H. Hopkins and G. R. Hopkinson, IEEE Trans. Nuclear Science 40 (1993) 1567; V. Goiffon et al., IEEE Electron "
-        "Device Letters 32 (2011) 773"
-    )
-    separates = (
-        "take long series of darks at two exposures: the jumps grow with the exposure; those of rts_noise do not, and "
-        "hot_pixels are constant"
-    )
+    equation = """mu_e <- mu_e + t A_pixel exp(b (T - 20 C)) s, s in {0, 1} with P(1) = duty, s_k = s_(k-1)
+    with probability kept, else drawn anew"""
+    source = """I. H. Hopkins and G. R. Hopkinson, IEEE Trans. Nuclear Science 40 (1993) 1567; V. Goiffon et
+    al., IEEE Electron Device Letters 32 (2011) 773"""
+    separates = """take long series of darks at two exposures: the jumps grow with the exposure; those of
+    rts_noise do not, and hot_pixels are constant"""
     differentiable = False
     why_not = "whether a pixel has a defect, and its state in a frame, are discrete; image and amplitude have gradients"
     density = Strength(

@@ -22,14 +22,10 @@ class HotPixels(Effect):
     aliases = ("warm pixels", "hot spots", "defect pixels", "white spots")
     summary = "A few pixels have a much larger dark current, with their own temperature coefficient."
     equation = "mu_e <- mu_e + t rate h exp((b - s ln h) (T - 20 C)), h = (ln density/u)^tail / Gamma(1 + tail), where u < density"
-    source = (
-        "R. Widenhorn et al., Proc. SPIE 4669 (2002) 193 and J. Appl. Phys. 89 (2001) 8179; EMVA 1288 release 4 Linear, "
-        "defect pixels"
-    )
-    separates = (
-        "take darks at two exposures: hot pixels grow with the exposure; in a long series, rts_noise pixels"
-        " jump between levels"
-    )
+    source = """R. Widenhorn et al., Proc. SPIE 4669 (2002) 193 and J. Appl. Phys. 89 (2001) 8179; EMVA 1288
+    release 4 Linear, defect pixels"""
+    separates = """take darks at two exposures: hot pixels grow with the exposure; in a long series, rts_noise
+    pixels jump between levels"""
     density = Strength(
         1e-3, "fraction", 0.0, 0.2, "1e-5 when new to 1e-2 after irradiation", trials=(5e-4, 4e-3)
     )

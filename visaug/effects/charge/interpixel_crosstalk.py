@@ -18,15 +18,11 @@ class InterpixelCrosstalk(Spreading):
     order = 90  # at the nodes that are read: after everything that happens to the charge itself
     aliases = ("IPC", "interpixel capacitance", "crosstalk")
     summary = "Neighbouring pixels share signal linearly after the shot noise, so their noise is correlated."
-    equation = (
-        "N_i <- N_i + share sum over the 8 neighbours j of g_j (N_j - N_i), g: 1, aspect or diagonal, and tail times the same over "
-        "the four after next, g: 1 or aspect"
-    )
+    equation = """N_i <- N_i + share sum over the 8 neighbours j of g_j (N_j - N_i), g: 1, aspect or diagonal,
+    and tail times the same over the four after next, g: 1 or aspect"""
     source = "A. C. Moore, Z. Ninkov and W. J. Forrest, Optical Engineering 45 (2006) 076402"
-    separates = (
-        "measure the covariance of noise in flats: point_spread has none, and the fraction of "
-        "brighter_fatter grows with the level"
-    )
+    separates = """measure the covariance of noise in flats: point_spread has none, and the fraction of
+    brighter_fatter grows with the level"""
     share = Strength(0.01, "fraction", 0.0, 0.1, "each neighbour: 0.5 to 3 %", trials=(0.006, 0.025))
     aspect = Parameter(
         1.0,

@@ -17,14 +17,10 @@ class ParasiticLight(Noiseless):
     aliases = ("PLS", "shutter efficiency", "global shutter leakage", "smear")
     summary = "The storage nodes of a global shutter collect light while the rows wait for readout."
     equation = "mu_e <- mu_e (1 + share wait / t), wait = readout row / rows, from the first row that is read"
-    source = (
-        "S. Lauxtermann et al., Comparison of global shutter pixels for CMOS image sensors, IISW 2007 (extinction ratio); the "
-        "ramp is derived: a row waits in proportion to its number"
-    )
-    separates = (
-        "take flats of equal mean at short and long exposures: a ramp over the rows that is inversely proportional to the "
-        "exposure; vignetting does not depend on it, and amplifier_glow is also in the dark"
-    )
+    source = """S. Lauxtermann et al., Comparison of global shutter pixels for CMOS image sensors, IISW 2007
+    (extinction ratio); the ramp is derived: a row waits in proportion to its number"""
+    separates = """take flats of equal mean at short and long exposures: a ramp over the rows that is inversely
+    proportional to the exposure; vignetting does not depend on it, and amplifier_glow is also in the dark"""
     share = Strength(
         2e-4,
         unit="fraction",

@@ -17,10 +17,8 @@ class PRNU(Effect):
     summary = "Pixels, rows and columns differ in their response to light."
     equation = "mu_e <- mu_e (1 + K_column + K_row + K_pixel)"
     source = "EMVA 1288 release 4 Linear, section 4; the paper, eq. 10"
-    separates = (
-        "compare flats at several levels: shot noise grows with the root of the light, PRNU in proportion "
-        "to it; the difference of two flats contains no PRNU"
-    )
+    separates = """compare flats at several levels: shot noise grows with the root of the light, PRNU in
+    proportion to it; the difference of two flats contains no PRNU"""
     map_unit = "fraction"
     column = Strength(0.0, "fraction", 0.0, 0.5, "EMVA 1288: PRNU_col", trials=(0.001, 0.003))
     row = Strength(0.0, "fraction", 0.0, 0.5, "EMVA 1288: PRNU_row", trials=(0.001, 0.003))

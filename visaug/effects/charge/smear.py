@@ -19,10 +19,8 @@ class Smear(Effect):
     summary = "Charge is generated while a column is transferred, at any distance from the light source."
     equation = "mu_e <- mu_e + (transfer_s / exposure_s) mean of mu_e over the column"
     source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on frame-transfer smear"
-    separates = (
-        "image a bright spot at several exposures: smear does not grow with the exposure, and does not "
-        "require a full well as blooming does"
-    )
+    separates = """image a bright spot at several exposures: smear does not grow with the exposure, and does
+    not require a full well as blooming does"""
     transfer_s = Strength(
         2e-4, "s", 0.0, 1.0, "transfer time of a whole frame: 0.1 to 10 ms", trials=(2e-4, 1e-3)
     )

@@ -15,18 +15,12 @@ class BitTruncation(Effect):
     aliases = ("LSB loss", "bit shift", "comb histogram")
     summary = "The lowest bits are lost."
     equation = "y <- 2^bits floor(y / 2^bits); rounding: 2^bits floor(y / 2^bits + 1/2)"
-    source = (
-        "B. Widrow and I. Kollar, Quantization Noise (Cambridge 2008); adds 4^bits / 12 DN^2 where "
-        "noise is wide"
-    )
-    separates = (
-        "look at the histogram of codes: all are multiples of a power of two; missing_codes has gaps "
-        "without such a step"
-    )
+    source = """B. Widrow and I. Kollar, Quantization Noise (Cambridge 2008); adds 4^bits / 12 DN^2 where
+    noise is wide"""
+    separates = """look at the histogram of codes: all are multiples of a power of two; missing_codes has gaps
+    without such a step"""
     differentiable = False
-    why_not = (
-        "the number of bits is an integer; the gradient of the image passes straight through, as for rounding"
-    )
+    why_not = """the number of bits is an integer; the gradient of the image passes straight through, as for rounding"""
     bits = Strength(
         2.0, "bits", 0.0, 15.0, "16-bit files of 12-bit cameras: 4", integer=True, trials=(1, 2, 3, 4)
     )

@@ -29,16 +29,12 @@ class CodeWidths(Effect):
     order = 45  # before the rounding, order 50
     aliases = ("DNL", "INL", "ADC nonlinearity", "differential nonlinearity")
     summary = "The codes of the converter are of unequal width, the same in every frame."
-    equation = (
-        "y <- k - 1/2 + (y - T_k) / (T_(k+1) - T_k) for T_k <= y < T_(k+1), T_k = k - 1/2 + e_k; thresholds: e_k = "
-        "dnl z_k / sqrt(2); stage: e_k = dnl z_(k mod period) / sqrt(2); bits: e_k = dnl sum_i bit_i(k) 2^((i - n) / 2) z_i "
-        "without its slope; z ~ N(0, 1) per camera"
-    )
+    equation = """y <- k - 1/2 + (y - T_k) / (T_(k+1) - T_k) for T_k <= y < T_(k+1), T_k = k - 1/2 + e_k;
+    thresholds: e_k = dnl z_k / sqrt(2); stage: e_k = dnl z_(k mod period) / sqrt(2); bits: e_k = dnl sum_i
+    bit_i(k) 2^((i - n) / 2) z_i without its slope; z ~ N(0, 1) per camera"""
     source = "IEEE Std 1241-2010, differential nonlinearity and code-density test"
-    separates = (
-        "take the histogram of codes over a ramp of light: the same codes are rare or frequent at every level; missing_codes "
-        "are empty, bit_truncation leaves multiples of a power of two"
-    )
+    separates = """take the histogram of codes over a ramp of light: the same codes are rare or frequent at
+    every level; missing_codes are empty, bit_truncation leaves multiples of a power of two"""
     map_unit = "relative width"
     map_low = 0.0
     map_is_table = True

@@ -13,15 +13,11 @@ class DeadPixels(Effect):
     order = 90
     aliases = ("stuck pixels", "defect pixels", "cold pixels")
     summary = "A few pixels have a constant output at any light level."
-    equation = (
-        "y <- round(L), L = b + l (top - b), or b (1 + l) for l < 0, where the pixel is dead; "
-        "l = clip(level + spread n_pixel, -1, 1), b: black level"
-    )
+    equation = """y <- round(L), L = b + l (top - b), or b (1 + l) for l < 0, where the pixel is dead; l =
+    clip(level + spread n_pixel, -1, 1), b: black level"""
     source = "EMVA 1288 release 4 Linear, defect pixels"
-    separates = (
-        "take flats at several levels: a dead pixel never changes; hot_pixels add a dark signal to the "
-        "light, prnu scales with the light"
-    )
+    separates = """take flats at several levels: a dead pixel never changes; hot_pixels add a dark signal to
+    the light, prnu scales with the light"""
     differentiable = False
     why_not = "whether a pixel is dead is discrete; image and level have no gradient through a dead pixel"
     density = Strength(

@@ -16,20 +16,14 @@ class MissingCodes(Effect):
     order = 60
     aliases = ("DNL", "gaps in the histogram", "comb histogram")
     summary = "Some output codes never occur; the set is fixed for a camera."
-    equation = (
-        "y <- max{k <= y: k exists}; a code is missing with probability density, or at every "
-        "1/density-th place"
-    )
+    equation = """y <- max{k <= y: k exists}; a code is missing with probability density, or at every
+    1/density-th place"""
     source = "IEEE Std 1241-2010, missing codes"
-    separates = (
-        "take the histogram of codes over a ramp of light: the same codes are empty at every level; "
-        "bit_truncation leaves multiples of a power of two"
-    )
+    separates = """take the histogram of codes over a ramp of light: the same codes are empty at every level;
+    bit_truncation leaves multiples of a power of two"""
     differentiable = False
-    why_not = (
-        "whether a code exists is discrete; the gradient of the image passes straight through, as for "
-        "rounding"
-    )
+    why_not = """whether a code exists is discrete; the gradient of the image passes straight through, as for
+    rounding"""
     density = Strength(
         0.05,
         unit="share of codes",

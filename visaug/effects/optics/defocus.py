@@ -25,7 +25,7 @@ class Defocus(Spreading):
     equation = "mu_p convolved with a disc of the radius, integrated over each pixel"
     source = "J. W. Goodman, Introduction to Fourier Optics (4th ed. 2017), section 7.4; geometrical limit"
     separates = (
-        "image a bright point: defocus gives a uniform disc with a sharp edge, point_spread a Gaussian"
+        """image a bright point: defocus gives a uniform disc with a sharp edge, point_spread a Gaussian"""
     )
     proposed = False  # a diagnosis reports any blur as point_spread; only bright points distinguish them
     radius_px = Strength(

@@ -24,15 +24,11 @@ class Diffraction(Spreading):
     order = 38
     aliases = ("Airy disc", "blur", "MTF")
     summary = "The aperture spreads a point into an Airy pattern."
-    equation = (
-        "mu_p convolved with (2 J1(v) / v)^2, v = 3.832 r / radius, integrated over each pixel; "
-        "transfer (2 / pi)(acos u - u sqrt(1 - u^2)), u = f radius / 1.22"
-    )
+    equation = """mu_p convolved with (2 J1(v) / v)^2, v = 3.832 r / radius, integrated over each pixel;
+    transfer (2 / pi)(acos u - u sqrt(1 - u^2)), u = f radius / 1.22"""
     source = "J. W. Goodman, Introduction to Fourier Optics (4th ed. 2017), sections 4.4 and 7.4; radius = 1.22 lambda N / pixel"
-    separates = (
-        "image a bright point: diffraction gives rings and wings that fall with the third power of the "
-        "distance"
-    )
+    separates = """image a bright point: diffraction gives rings and wings that fall with the third power of
+    the distance"""
     proposed = False  # a diagnosis reports any blur as point_spread; only bright points distinguish them
     radius_px = Strength(
         1.0,

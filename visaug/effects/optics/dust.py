@@ -22,14 +22,10 @@ class Dust(Effect):
     aliases = ("sensor dust", "dirt", "blemish", "dark spots")
     summary = "Specks on the cover glass cast soft dark shadows."
     equation = "mu_p <- mu_p prod_i (1 - depth d_i exp(-(r_i / (radius q_i))^4)), d_i ~ U(1/3, 1), q_i ~ U(2/3, 3/2) per camera"
-    source = (
-        "A. E. Dirik, H. T. Sencar and N. Memon, IEEE Trans. Information Forensics and Security 3 (2008) 539, who take the "
-        "shadow to be Gaussian; the flatter form is that of a disc blurred by the pupil"
-    )
-    separates = (
-        "take flats before and after cleaning, and at two apertures: shadows disappear, or change size; prnu is white, and "
-        "vignetting is centred on the axis"
-    )
+    source = """A. E. Dirik, H. T. Sencar and N. Memon, IEEE Trans. Information Forensics and Security 3
+    (2008) 539, who take the shadow to be Gaussian; the flatter form is that of a disc blurred by the pupil"""
+    separates = """take flats before and after cleaning, and at two apertures: shadows disappear, or change
+    size; prnu is white, and vignetting is centred on the axis"""
     depth = Strength(0.1, "fraction", 0.0, 1.0, "1 to 30 %, at small apertures most", trials=(0.03, 0.15))
     radius_px = Parameter(
         8.0, "px", 1.0, 500.0, "1 mm of glass at f/8 on 3.45 um pixels: 18 px", trials=(4.0, 12.0)

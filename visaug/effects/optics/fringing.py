@@ -19,14 +19,10 @@ class Fringing(Effect):
     order = 14
     aliases = ("etaloning", "interference fringes", "Newton rings")
     summary = "Narrow-band light shows interference fringes of the sensor's layers."
-    equation = (
-        "mu_p <- mu_p (1 + A cos(2 pi (fringes r^2 + phase))), r: distance to a point of the camera in units of the longer "
-        "side, phase ~ U(0, 1) per camera"
-    )
-    source = (
-        "E. M. Malumuth et al., Model of fringing in the WFC3 CCDs, Proc. SPIE 4854 (2003) 567, 700 to 1000 nm; here the first "
-        "harmonic of the interference, for a thickness that varies as a paraboloid"
-    )
+    equation = """mu_p <- mu_p (1 + A cos(2 pi (fringes r^2 + phase))), r: distance to a point of the camera
+    in units of the longer side, phase ~ U(0, 1) per camera"""
+    source = """E. M. Malumuth et al., Model of fringing in the WFC3 CCDs, Proc. SPIE 4854 (2003) 567, 700 to
+    1000 nm; here the first harmonic of the interference, for a thickness that varies as a paraboloid"""
     separates = "take flats in narrow-band and in white light: fringes disappear in white light; dust, vignetting and prnu do not"
     amplitude = Strength(
         0.02, "fraction", 0.0, 1.0, "1 to 10 % above 750 nm in thinned CCDs", trials=(0.005, 0.02)

@@ -21,17 +21,11 @@ class LampFlicker(Effect):
     order = 2
     aliases = ("flicker", "banding", "PWM", "mains", "50 Hz", "60 Hz", "rolling shutter bands")
     summary = "The light oscillates over the rows of a rolling shutter, with a random phase in each frame."
-    equation = (
-        "mu_p <- mu_p (1 + depth sinc(f t) sin(2 pi (row / period + phase))), phase ~ U(0, 1) in every frame, "
-        "sinc(x) = sin(pi x) / (pi x)"
-    )
-    source = (
-        "M. Sheinin, Y. Schechner and K. Kutulakos, Rolling shutter imaging on the electric grid, ICCP 2018"
-    )
-    separates = (
-        "compute the spectrum of the row means of single flats and of dark frames: periodic_banding is also in the dark, "
-        "lamp_flicker only with light and in proportion to it; light_drift has no structure over the rows"
-    )
+    equation = """mu_p <- mu_p (1 + depth sinc(f t) sin(2 pi (row / period + phase))), phase ~ U(0, 1) in
+    every frame, sinc(x) = sin(pi x) / (pi x)"""
+    source = """M. Sheinin, Y. Schechner and K. Kutulakos, Rolling shutter imaging on the electric grid, ICCP 2018"""
+    separates = """compute the spectrum of the row means of single flats and of dark frames: periodic_banding is also in
+    the dark, lamp_flicker only with light and in proportion to it; light_drift has no structure over the rows"""
     depth = Strength(
         0.05,
         unit="fraction",

@@ -21,13 +21,11 @@ class LensFlare(Effect):
     local = False
     aliases = ("ghosting", "ghosts", "flare", "stray light", "glare")
     summary = "Reflections between lens surfaces produce ghosts and a halo around bright sources."
-    equation = (
-        "mu_p <- mu_p - (g + h) s + g ghost(s) + h halo(s), s = max(0, mu_p - threshold), "
-        "ghost(s)(x) = s(-x/m) / m^2"
-    )
+    equation = """mu_p <- mu_p - (g + h) s + g ghost(s) + h halo(s), s = max(0, mu_p - threshold), ghost(s)(x)
+    = s(-x/m) / m^2"""
     source = "M. Hullin et al., ACM TOG 30 (2011) 108"
     separates = (
-        "place a bright source at several positions: ghosts move opposite to it, veiling glare does not"
+        """place a bright source at several positions: ghosts move opposite to it, veiling glare does not"""
     )
     ghost_share = Strength(
         0.01, "fraction", 0.0, 0.5, "uncoated surfaces reflect 4 % each", trials=(0.01, 0.05)

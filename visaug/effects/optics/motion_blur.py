@@ -22,13 +22,11 @@ class MotionBlur(Spreading):
     order = 36
     aliases = ("smear", "motion smear", "camera shake")
     summary = "The image moves along a straight line during the exposure."
-    equation = (
-        "mu_p <- integral of mu_p(x - v t, y - w t) dt / T: a line of length L at the angle, counter-clockwise from the rows, "
-        "its share in each pixel"
-    )
+    equation = """mu_p <- integral of mu_p(x - v t, y - w t) dt / T: a line of length L at the angle,
+    counter-clockwise from the rows, its share in each pixel"""
     source = "A. N. Rajagopalan and R. Chellappa, Motion Deblurring (Cambridge 2014), chapter 1"
     separates = (
-        "image a bright point: motion blur gives a line and not a disc, half as long at half the exposure"
+        """image a bright point: motion blur gives a line and not a disc, half as long at half the exposure"""
     )
     proposed = False  # frames under test are taken with camera and target at rest
     length_px = Strength(

@@ -12,14 +12,10 @@ class PointSpread(Spreading):
     order = 40
     aliases = ("PSF", "MTF", "blur")
     summary = "The optics blur the image before the pixels sample it."
-    equation = (
-        "mu_p convolved with a Gaussian of standard deviation sigma along rows, aspect sigma along columns, "
-        "integrated over each pixel"
-    )
+    equation = """mu_p convolved with a Gaussian of standard deviation sigma along rows, aspect sigma along
+    columns, integrated over each pixel"""
     source = "B. Zhang et al., Applied Optics 46 (2007) 1819, on the Gaussian as the image of a point"
-    separates = (
-        "compare the noise of neighbouring pixels in flats: crosstalk correlates it, point spread does not"
-    )
+    separates = """compare the noise of neighbouring pixels in flats: crosstalk correlates it, point spread does not"""
     sigma_px = Parameter(
         0.7,
         unit="px",

@@ -24,17 +24,11 @@ class StarBurst(Spreading):
     order = 39
     aliases = ("sun star", "diffraction spikes", "glare")
     summary = "The blades of the aperture produce spikes around bright sources."
-    equation = (
-        "mu_p <- (1 - share) mu_p + share (mu_p * k), k ~ sum over blades of exp(-u / length) / (1 + (u / 3)^2), "
-        "u along the spike in px, a pixel wide"
-    )
-    source = (
-        "after J. W. Goodman, Introduction to Fourier Optics, Fraunhofer diffraction of a rectangular aperture: perpendicular to "
-        "a straight edge the envelope of sinc^2 falls as 1 / u^2"
-    )
-    separates = (
-        "image a bright point at two apertures: spikes turn with the camera and disappear at full aperture"
-    )
+    equation = """mu_p <- (1 - share) mu_p + share (mu_p * k), k ~ sum over blades of exp(-u / length) / (1 +
+    (u / 3)^2), u along the spike in px, a pixel wide"""
+    source = """after J. W. Goodman, Introduction to Fourier Optics, Fraunhofer diffraction of a rectangular
+    aperture: perpendicular to a straight edge the envelope of sinc^2 falls as 1 / u^2"""
+    separates = """image a bright point at two apertures: spikes turn with the camera and disappear at full aperture"""
     proposed = False  # frames of a laboratory contain no bright points on black
     share = Strength(
         0.01, "fraction", 0.0, 0.5, "grows as the aperture is closed; 0.1 to 5 %", trials=(0.01, 0.1)

@@ -16,15 +16,11 @@ class Vignetting(Effect):
     order = 10
     aliases = ("shading", "lens shading", "corner fall-off", "flat field")
     summary = "Transmission decreases smoothly from the centre of the field to the corners."
-    equation = (
-        "mu_p <- mu_p max(0, 1 - corner_loss (r / r_corner)^power); cos4: mu_p <- mu_p cos^4 a, "
-        "tan a ~ r, cos^4 a = 1 - corner_loss at r_corner"
-    )
+    equation = """mu_p <- mu_p max(0, 1 - corner_loss (r / r_corner)^power); cos4: mu_p <- mu_p cos^4 a, tan a
+    ~ r, cos^4 a = 1 - corner_loss at r_corner"""
     source = "D. B. Goldman, IEEE TPAMI 32 (2010) 2276; cos^4 law"
-    separates = (
-        "take flats with the camera rotated in front of the source: vignetting stays fixed on the sensor, "
-        "uneven illumination does not"
-    )
+    separates = """take flats with the camera rotated in front of the source: vignetting stays fixed on the
+    sensor, uneven illumination does not"""
     map_unit = "fraction of the light that passes"
     map_low = 0.0
     corner_loss = Strength(0.2, "fraction", 0.0, 1.0, "loss in the corners: 5 to 60 %", trials=(0.08, 0.3))

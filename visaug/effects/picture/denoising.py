@@ -19,17 +19,11 @@ class Denoising(Spreading):
     order = 16  # before the sharpening
     aliases = ("noise reduction", "NR", "despeckle", "smoothing", "star eater")
     summary = "A denoiser removes noise together with fine detail."
-    equation = (
-        "y <- y + amount (f(y) - y); median: f the median of 3 x 3; wavelet: f = y - sum_j clip(w_j, -t_j, t_j), w_1 and w_2 "
-        "the starlet coefficients, t_2 = t_1 / 5"
-    )
-    source = (
-        "J.-L. Starck, F. Murtagh and J. Fadili, Sparse Image and Signal Processing (Cambridge 2010), starlets; "
-        "D. L. Donoho, IEEE Trans. Information Theory 41 (1995) 613"
-    )
-    separates = (
-        "compare the noise of flat regions with that beside edges: a denoiser leaves more of it near edges"
-    )
+    equation = """y <- y + amount (f(y) - y); median: f the median of 3 x 3; wavelet: f = y - sum_j clip(w_j,
+    -t_j, t_j), w_1 and w_2 the starlet coefficients, t_2 = t_1 / 5"""
+    source = """J.-L. Starck, F. Murtagh and J. Fadili, Sparse Image and Signal Processing (Cambridge 2010),
+    starlets; D. L. Donoho, IEEE Trans. Information Theory 41 (1995) 613"""
+    separates = """compare the noise of flat regions with that beside edges: a denoiser leaves more of it near edges"""
     amount = Strength(1.0, "fraction", 0.0, 1.0, "mixture of both, as editors offer it", trials=(0.5, 1.0))
     threshold = Parameter(
         0.03, "fraction", 0.0, 1.0, "of full scale; three standard deviations of the noise", of=("wavelet",)

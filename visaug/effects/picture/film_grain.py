@@ -21,14 +21,11 @@ class FilmGrain(Effect):
     order = 14
     aliases = ("grain", "correlated noise")
     summary = "Spatially correlated noise that is strongest in mid-grey."
-    equation = (
-        "y <- clip(y + 2 sigma sqrt(y (1 - y)) g, 0, 1), g white noise convolved with a Gaussian of standard deviation size, "
-        "of variance 1"
-    )
+    equation = """y <- clip(y + 2 sigma sqrt(y (1 - y)) g, 0, 1), g white noise convolved with a Gaussian of
+    standard deviation size, of variance 1"""
     source = "A. Newson et al., Computer Graphics Forum 36 (2017) 684"
-    separates = (
-        "compute the covariance of neighbours in a flat region: read and shot noise of a raw frame have none"
-    )
+    separates = """compute the covariance of neighbours in a flat region: read and shot noise of a raw frame
+    have none"""
     sigma = Strength(
         0.03, "fraction", 0.0, 0.5, "of full scale at mid-grey; ISO 100 to 800", trials=(0.02, 0.06)
     )

@@ -37,19 +37,13 @@ class JPEG(Effect):
     local = False
     aliases = ("compression", "block artefacts")
     summary = "The picture is compressed as JPEG."
-    equation = (
-        "c <- q round(c / q), c the DCT of 8 x 8 blocks of 255 y - 128, q = clip(floor((s t + 50) / 100), 1, 255), "
-        "s = 5000 / quality below 50, 200 - 2 quality from there, t the tables of Annex K"
-    )
-    source = (
-        "ITU-T T.81 (1992), Annexes A and K; JFIF 1.02; quality as in the Independent JPEG Group's library"
-    )
+    equation = """c <- q round(c / q), c the DCT of 8 x 8 blocks of 255 y - 128, q = clip(floor((s t + 50) /
+    100), 1, 255), s = 5000 / quality below 50, 200 - 2 quality from there, t the tables of Annex K"""
+    source = """ITU-T T.81 (1992), Annexes A and K; JFIF 1.02; quality as in the Independent JPEG Group's library"""
     separates = "compute the DCT of 8 x 8 blocks: the coefficients are multiples of a step"
     differentiable = False
-    why_not = (
-        "the quality is an integer and coefficients are rounded; the gradient of the image passes straight "
-        "through the rounding"
-    )
+    why_not = """the quality is an integer and coefficients are rounded; the gradient of the image passes
+    straight through the rounding"""
     quality = Parameter(
         90.0, "1", 1.0, 100.0, "cameras: 85 to 98; SPEED+ is JPEG", integer=True, trials=(95, 75)
     )

@@ -17,9 +17,7 @@ class PictureQuantization(Effect):
     source = "B. Widrow and I. Kollar, Quantization Noise (Cambridge 2008)"
     separates = "look at the histogram of the picture: at most 2^bits values occur"
     differentiable = False
-    why_not = (
-        "the number of bits is an integer; the gradient of the image passes straight through, as for rounding"
-    )
+    why_not = """the number of bits is an integer; the gradient of the image passes straight through, as for rounding"""
     bits = Parameter(8.0, "bits", 1.0, 16.0, "most pictures: 8", integer=True, trials=(8,))
 
     def apply(self, signal, p, stream, context):

@@ -21,9 +21,7 @@ class ToneCurve(Effect):
     summary = "A curve such as gamma changes the contrast of the picture."
     equation = "y <- y^(1 / gamma); srgb: 12.92 y up to 0.0031308, then 1.055 y^(1 / 2.4) - 0.055"
     source = "IEC 61966-2-1 (sRGB); ITU-R BT.709"
-    separates = (
-        "image a step wedge: values against light follow the curve, and so does the noise against the mean"
-    )
+    separates = """image a step wedge: values against light follow the curve, and so does the noise against the mean"""
     map_unit = "share of full scale"
     map_low = 0.0
     map_is_table = True

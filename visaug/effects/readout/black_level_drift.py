@@ -18,13 +18,9 @@ class BlackLevelDrift(Effect):
     aliases = ("offset drift", "bias drift", "pedestal drift", "clamp noise")
     summary = "The offset of the whole frame changes from frame to frame."
     equation = "V <- V + d_t, d_t = r d_(t-1) + sigma sqrt(1 - r^2) n_t, n_t ~ N(0, 1)"
-    source = (
-        "EMVA 1288 release 4 Linear, stability of the dark signal; J. Janesick, Photon Transfer (SPIE 2007)"
-    )
-    separates = (
-        "compute the mean of each frame of a dark series: the whole frame shifts, with and without light; "
-        "light_drift is absent in the dark"
-    )
+    source = """EMVA 1288 release 4 Linear, stability of the dark signal; J. Janesick, Photon Transfer (SPIE 2007)"""
+    separates = """compute the mean of each frame of a dark series: the whole frame shifts, with and without
+    light; light_drift is absent in the dark"""
     sigma_e = Strength(1.0, "e-", 0.0, 1e4, "0.1 to 1 times the read noise", trials=(0.3, 1.5))
     correlation = Parameter(0.9, "1", 0.0, 0.999, "depends on the frame rate; assumed", trials=(0.0, 0.9))
 

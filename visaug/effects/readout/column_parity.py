@@ -24,18 +24,12 @@ class ColumnParity(Effect):
     aliases = ("odd-even columns", "tap mismatch", "channel mismatch", "fixed pattern noise", "FPN")
     aliases += ("vertical stripes",)
     summary = "Columns of several readout channels differ in offset and gain."
-    equation = (
-        "V <- V (1 + gain g_k) + offset o_k, k = column mod n, or floor(n column / columns); o and g of mean 0 and rms 1 over "
-        "the n channels, drawn once per camera"
-    )
-    source = (
-        "A. El Gamal et al., Modeling and estimation of FPN components in CMOS image sensors, Proc. SPIE 3301 (1998) 168 (column "
-        "FPN); derived for amplifiers that take turns"
-    )
-    separates = (
-        "average many dark frames and compute the spectrum of the column means: lines at multiples of 1/n; the column part of "
-        "dsnu is white, tap_mismatch has one step"
-    )
+    equation = """V <- V (1 + gain g_k) + offset o_k, k = column mod n, or floor(n column / columns); o and g
+    of mean 0 and rms 1 over the n channels, drawn once per camera"""
+    source = """A. El Gamal et al., Modeling and estimation of FPN components in CMOS image sensors, Proc.
+    SPIE 3301 (1998) 168 (column FPN); derived for amplifiers that take turns"""
+    separates = """average many dark frames and compute the spectrum of the column means: lines at multiples
+    of 1/n; the column part of dsnu is white, tap_mismatch has one step"""
     offset_e = Strength(1.0, "e-", 0.0, 1e4, "rms; a fraction of the read noise", trials=(0.3, 1.5))
     gain = Strength(0.0, "fraction", 0.0, 0.2, "rms; matched to 0.1 to 1 %", trials=(0.002, 0.01))
     channels = Parameter(

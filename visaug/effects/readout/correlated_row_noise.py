@@ -17,17 +17,13 @@ class CorrelatedRowNoise(Effect):
     order = 42
     aliases = ("horizontal stripes", "banding", "pink noise", "1/f noise", "supply noise", "EMI")
     summary = (
-        "A random offset for each row and frame whose power rises towards low frequencies over the rows."
+        """A random offset for each row and frame whose power rises towards low frequencies over the rows."""
     )
     equation = "V <- V + r_row, power spectrum over the rows ~ 1 / frequency^exponent, variance sigma^2, new in every frame"
-    source = (
-        "EMVA 1288 release 4 Linear, temporal row noise and spectrograms; power law generated as in J. Timmer and M. Koenig, "
-        "A&A 300 (1995) 707"
-    )
-    separates = (
-        "compute the spectrum of the row means of single dark frames: row_noise is white, periodic_banding has a line, "
-        "flicker_noise also varies within a row"
-    )
+    source = """EMVA 1288 release 4 Linear, temporal row noise and spectrograms; power law generated as in J.
+    Timmer and M. Koenig, A&A 300 (1995) 707"""
+    separates = """compute the spectrum of the row means of single dark frames: row_noise is white,
+    periodic_banding has a line, flicker_noise also varies within a row"""
     sigma_e = Strength(1.0, "e-", 0.0, 1e4, "0.1 to 1 times the read noise", trials=(0.5, 1.5))
     exponent = Parameter(1.0, "1", 0.0, 2.5, "1: flicker; 2: a random walk", trials=(0.6, 1.6))
     direction = Parameter("rows", options=("rows", "columns"), source="rows: one offset for each row")

@@ -17,10 +17,8 @@ class DSNU(Effect):
     summary = "Pixels, rows and columns differ in their offset, with and without light."
     equation = "V <- V + D_column + D_row + D_pixel"
     source = "EMVA 1288 release 4 Linear, section 4; the paper, eq. 11"
-    separates = (
-        "average many bias frames: temporal noise of rows, columns and pixels averages out, dsnu remains; "
-        "dark_current_nonuniformity is absent in bias frames and grows with the exposure"
-    )
+    separates = """average many bias frames: temporal noise of rows, columns and pixels averages out, dsnu
+    remains; dark_current_nonuniformity is absent in bias frames and grows with the exposure"""
     map_unit = "e-"
     column_e = Strength(0.0, "e-", 0.0, 1e4, "EMVA 1288: DSNU_col", trials=(0.5, 2.0))
     row_e = Strength(0.0, "e-", 0.0, 1e4, "EMVA 1288: DSNU_row", trials=(0.3, 1.0))

@@ -20,10 +20,8 @@ class DualGain(Effect):
     summary = "Above a level the signal is read through a second channel with more noise and another gain and offset."
     equation = "where V > seam: V <- V + gain (V - seam) + offset + noise n, n ~ N(0, 1) in every frame"
     source = "B. Fowler et al., Proc. SPIE 7536 (2010) 753607 (sCMOS, two column amplifiers); step at the seam: derived"
-    separates = (
-        "plot the variance of flats against their mean: a step up at one level, and in the linearity a step or a kink; "
-        "nonlinearity bends smoothly"
-    )
+    separates = """plot the variance of flats against their mean: a step up at one level, and in the linearity
+    a step or a kink; nonlinearity bends smoothly"""
     differentiable = False
     why_not = "which channel a pixel is read from is discrete; the image has gradients within each"
     noise_e = Strength(10.0, "e-", 0.0, 1e4, "sCMOS: 1.5 e- at high, 30 e- at low gain", trials=(5.0, 20.0))

@@ -29,15 +29,11 @@ class FixedPatternStructure(Effect):
     order = 15
     aliases = ("fixed pattern noise", "FPN", "banding", "vertical stripes", "bias structure")
     summary = "An additive pattern with bands, steps, slope or period, constant over the frames of a camera."
-    equation = (
-        "V <- V + A f(x): bands, levels, sin(2 pi (x / period + phase)), slope u + curvature (u^2 "
-        "- 1), u from -1 to 1, or steps [x > edge] + second [x > second_edge]"
-    )
+    equation = """V <- V + A f(x): bands, levels, sin(2 pi (x / period + phase)), slope u + curvature (u^2 -
+    1), u from -1 to 1, or steps [x > edge] + second [x > second_edge]"""
     source = "the paper, figs. 2 and 4 (columns in three bands); EMVA 1288 release 4 Linear, spectrograms"
-    separates = (
-        "average many bias frames and compute the row and column profiles and their spectra: dsnu is white;"
-        " periodic_banding and flicker_noise average out; dark-current patterns grow with the exposure"
-    )
+    separates = """average many bias frames and compute the row and column profiles and their spectra: dsnu is
+    white; periodic_banding and flicker_noise average out; dark-current patterns grow with the exposure"""
     map_unit = "e-"
     amplitude_e = Strength(2.0, "e-", -1e4, 1e4, "5 e- for the paper's columns", trials=(1.0, 4.0))
     period_px = Parameter(

@@ -19,18 +19,12 @@ class FlickerNoise(Effect):
     order = 48
     aliases = ("1/f noise", "pink noise", "streaking")
     summary = "Noise along the readout whose power rises towards low frequencies."
-    equation = (
-        "V <- V + f_k, k the pixel's place in the readout; power spectrum ~ 1 / frequency^exponent, "
-        "variance sigma^2"
-    )
-    source = (
-        "J. Janesick, Photon Transfer (SPIE 2007), read noise: flicker noise; shaping as in Timmer "
-        "and Koenig, A&A 300 (1995) 707"
-    )
-    separates = (
-        "compute the spectrum of single dark frames along the readout: flicker noise rises towards low "
-        "frequencies; row_noise is white over the rows and constant within a row"
-    )
+    equation = """V <- V + f_k, k the pixel's place in the readout; power spectrum ~ 1 / frequency^exponent,
+    variance sigma^2"""
+    source = """J. Janesick, Photon Transfer (SPIE 2007), read noise: flicker noise; shaping as in Timmer and
+    Koenig, A&A 300 (1995) 707"""
+    separates = """compute the spectrum of single dark frames along the readout: flicker noise rises towards
+    low frequencies; row_noise is white over the rows and constant within a row"""
     sigma_e = Strength(1.0, "e-", 0.0, 1e4, "0.1 to 1 times the read noise", trials=(0.5, 1.5))
     exponent = Parameter(
         1.0, "1", 0.0, 2.0, "near 1 for MOS transistors; 2 is a random walk", trials=(0.7, 1.0, 1.4)

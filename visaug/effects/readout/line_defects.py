@@ -22,18 +22,12 @@ class LineDefects(Effect):
     order = 35
     aliases = ("dead column", "bright column", "bad rows", "defect clusters", "blinking line")
     summary = "A few columns, rows or clusters are dead, bright or unstable."
-    equation = (
-        "V <- 0 (dead), V + level e (bright), V + level n (unstable) in a share `density` of the lines; e ~ Exp(1) per camera, "
-        "n ~ N(0, 1) in every frame"
-    )
-    source = (
-        "classes of data sheets (dead, bright, clusters); after J. Janesick, Scientific Charge-Coupled Devices (SPIE 2001), column "
-        "defects; exponential levels: assumed"
-    )
-    separates = (
-        "average many frames and plot the column and row means: single lines stand out from the Gaussian scatter of dsnu; the "
-        "variance in time of unstable lines is larger than that of their neighbours"
-    )
+    equation = """V <- 0 (dead), V + level e (bright), V + level n (unstable) in a share `density` of the
+    lines; e ~ Exp(1) per camera, n ~ N(0, 1) in every frame"""
+    source = """classes of data sheets (dead, bright, clusters); after J. Janesick, Scientific Charge-Coupled
+    Devices (SPIE 2001), column defects; exponential levels: assumed"""
+    separates = """average many frames and plot the column and row means: single lines stand out from the Gaussian
+    scatter of dsnu; the variance in time of unstable lines is larger than that of their neighbours"""
     differentiable = False
     why_not = "whether a line is defective is discrete; image and level have gradients elsewhere"
     density = Strength(

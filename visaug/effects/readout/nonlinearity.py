@@ -18,13 +18,9 @@ class Nonlinearity(Noiseless):
     aliases = ("linearity error", "INL", "gamma", "compression")
     summary = "The response is not proportional to the signal."
     equation = "V <- V + S (quadratic x^2 + cubic x^3), x = V / S in [0, 1], S the full scale; linear outside"
-    source = (
-        "EMVA 1288 release 4 Linear, linearity error; J. Janesick, Photon Transfer (SPIE 2007), nonlinearity"
-    )
-    separates = (
-        "take flats at several exposures with constant light: the mean is not proportional to the exposure "
-        "while dark frames do not change; blooming and saturation act only near the full well"
-    )
+    source = """EMVA 1288 release 4 Linear, linearity error; J. Janesick, Photon Transfer (SPIE 2007), nonlinearity"""
+    separates = """take flats at several exposures with constant light: the mean is not proportional to the
+    exposure while dark frames do not change; blooming and saturation act only near the full well"""
     quadratic = Strength(
         -0.02,
         unit="fraction",

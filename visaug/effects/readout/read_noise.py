@@ -28,11 +28,8 @@ class ReadNoise(Effect):
     summary = "Reading a pixel adds signal-independent noise; its tails may be heavier than Gaussian."
     equation = "V <- V + sigma TL(shape) + G(dB) sigma_after N, TL normalised to standard deviation 1"
     source = "the paper, eq. 4; K. Wei et al., IEEE TPAMI 44 (2022) 8520; after the gain: EMVA 1288 release 4 Linear, eq. 8"
-    separates = (
-        "take bias frames: read noise is the independent noise of single pixels; shot noise requires light "
-        "or exposure, row_noise and column_noise are common to a line; the histogram of the residuals shows"
-        " the shape"
-    )
+    separates = """take bias frames: read noise is the independent noise of single pixels; shot noise requires light or
+    exposure, row_noise and column_noise are common to a line; the histogram of the residuals shows the shape"""
     map_unit = "e-"
     map_low = 0.0
     sigma_e = Strength(0.0, "e-", 0.0, 1e4, "EMVA 1288: temporal dark noise", trials=(1.0, 3.0))

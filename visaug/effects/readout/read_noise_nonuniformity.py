@@ -20,14 +20,11 @@ class ReadNoiseNonuniformity(Effect):
     aliases = ("noisy pixels", "sCMOS noise map", "pixel-dependent noise")
     summary = "Each pixel has its own read noise; few pixels have much more than the others."
     equation = "V <- V + s_pixel n, n ~ N(0, 1) in every frame, s = excess exp(spread z - spread^2), z ~ N(0, 1) per camera"
-    source = (
-        "F. Huang et al., Nature Methods 10 (2013) 653 (noise maps of sCMOS cameras); X. Wang et al., IEDM 2006 "
-        "(source-follower noise)"
-    )
-    separates = (
-        "compute the variance of each pixel over many dark frames: it differs by more than the chi-square scatter and is the "
-        "same in the next series; heavy tails of read_noise occur in all pixels, rts_noise has discrete levels"
-    )
+    source = """F. Huang et al., Nature Methods 10 (2013) 653 (noise maps of sCMOS cameras); X. Wang et al.,
+    IEDM 2006 (source-follower noise)"""
+    separates = """compute the variance of each pixel over many dark frames: it differs by more than the
+    chi-square scatter and is the same in the next series; heavy tails of read_noise occur in all pixels,
+    rts_noise has discrete levels"""
     map_unit = "e-"
     map_low = 0.0
     excess_e = Strength(

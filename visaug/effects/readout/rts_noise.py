@@ -19,23 +19,15 @@ class RTSNoise(Effect):
     order = 55
     aliases = ("RTS", "RTN", "random telegraph noise", "blinking pixels", "salt and pepper", "popcorn noise")
     summary = "A few pixels jump between discrete levels from frame to frame."
-    equation = (
-        "V <- V + A_pixel s, s in {0, 1} with P(1) = duty, s_k = s_(k-1) with probability kept, else drawn anew; "
-        "three levels: s = s_1 - s_2, both drawn anew in each frame"
-    )
-    source = (
-        "X. Wang et al., Random telegraph signal in CMOS image sensor pixels, IEDM 2006; EMVA 1288 "
-        "release 4 General"
-    )
-    separates = (
-        "take a long series of dark frames: single pixels jump between levels; hot_pixels and dsnu are "
-        "constant; cosmic_rays occur once"
-    )
+    equation = """V <- V + A_pixel s, s in {0, 1} with P(1) = duty, s_k = s_(k-1) with probability kept, else
+    drawn anew; three levels: s = s_1 - s_2, both drawn anew in each frame"""
+    source = """X. Wang et al., Random telegraph signal in CMOS image sensor pixels, IEDM 2006; EMVA 1288
+    release 4 General"""
+    separates = """take a long series of dark frames: single pixels jump between levels; hot_pixels and dsnu
+    are constant; cosmic_rays occur once"""
     differentiable = False
-    why_not = (
-        "whether a pixel has a trap, and its state in a frame, are discrete; the image and the amplitude "
-        "have gradients"
-    )
+    why_not = """whether a pixel has a trap, and its state in a frame, are discrete; the image and the
+    amplitude have gradients"""
     density = Strength(
         0.003, "share of pixels", 0.0, 1.0, "0.1 to 1 % of CMOS pixels (Wang et al.)", trials=(0.001, 0.01)
     )

@@ -22,10 +22,8 @@ class SlantedInterference(Effect):
     summary = "A plane wave across rows and columns, with a random phase in each frame."
     equation = "V <- V + A sin(2 pi ((row cos angle + column sin angle) / period + phase)), phase ~ U(0, 1) in every frame"
     source = "derived: a sine in time, sampled pixel by pixel and row by row; EMVA 1288 release 4 Linear, spectrograms"
-    separates = (
-        "compute the two-dimensional spectrum of single dark frames: one peak off both axes; that of periodic_banding lies on "
-        "the axis of the rows"
-    )
+    separates = """compute the two-dimensional spectrum of single dark frames: one peak off both axes; that of
+    periodic_banding lies on the axis of the rows"""
     amplitude_e = Strength(1.0, "e-", 0.0, 1e4, "0.1 to 1 times the read noise", trials=(0.5, 2.0))
     period_px = Parameter(10.0, "px", 2.0, 1e4, "across the wave fronts", trials=(5.0, 8.0, 14.0, 30.0))
     angle_deg = Parameter(

@@ -15,15 +15,11 @@ class TapMismatch(Noiseless):
     stage = Stage.READOUT
     order = 20
     aliases = ("channel mismatch", "seam", "quadrant step", "amplifier step")
-    summary = (
-        "Two halves of the sensor are read with different gain and offset, which gives a step at the seam."
-    )
+    summary = """Two halves of the sensor are read with different gain and offset, which gives a step at the seam."""
     equation = "V <- V (1 + s gain / 2) + s offset / 2, s = -1 before the seam and +1 behind it"
     source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE 2001), multiple output amplifiers"
-    separates = (
-        "average many dark frames and many flats: a step at the seam, constant in the dark (offset) and "
-        "growing with the light (gain); vignetting has no step"
-    )
+    separates = """average many dark frames and many flats: a step at the seam, constant in the dark (offset)
+    and growing with the light (gain); vignetting has no step"""
     offset_e = Strength(
         2.0, "e-", -1e4, 1e4, "about the read noise; second minus first half", trials=(0.5, 2.0)
     )

@@ -32,14 +32,10 @@ class Unexplained(Effect):
     order = 55
     aliases = ("empirical noise", "measured noise", "residual pattern")
     summary = "A fixed pattern, noise of rows and columns, and pixel noise as measured, of unknown cause."
-    equation = (
-        "V <- V + m + r_row + c_column + sqrt(v(V)) z; m measured, z ~ N(0, 1), r and c stationary Gaussian with the measured "
-        "power spectra, r, c and z new in every frame"
-    )
-    source = (
-        "measured from the frames by `visaug diagnose --unexplained`; spectra as in EMVA 1288 release 4 Linear, spectrograms; "
-        "noise of a given spectrum as in J. Timmer and M. Koenig, A&A 300 (1995) 707"
-    )
+    equation = """V <- V + m + r_row + c_column + sqrt(v(V)) z; m measured, z ~ N(0, 1), r and c stationary
+    Gaussian with the measured power spectra, r, c and z new in every frame"""
+    source = """measured from the frames by `visaug diagnose --unexplained`; spectra as in EMVA 1288 release 4
+    Linear, spectrograms; noise of a given spectrum as in J. Timmer and M. Koenig, A&A 300 (1995) 707"""
     separates = "it is what remains when no effect of the catalogue is accepted; diagnose again once its cause is known"
     map_unit = "e- and e-^2"
 
