@@ -102,8 +102,7 @@ def _check_names(part: str, poses: PoseSet) -> None:
     """Refuse images whose copies would have one name; ultralytics finds a label by that name without its suffix."""
     first: dict[str, Path] = {}
     for file, name in zip(poses.files, poses.ids):
-        other = first.setdefault(Path(name.replace("/", "-")).stem, file)
-        if other is not file:
+        if (other := first.setdefault(Path(name.replace("/", "-")).stem, file)) is not file:
             problem = f"would have the label of {other} in {part}"
             raise InputError(problem, file=file, expected="names that differ before the suffix")
 

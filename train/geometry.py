@@ -140,8 +140,7 @@ class Keypoints:
 
 
 def _sigmas(content: dict, names: tuple[str, ...], path: Path) -> np.ndarray | None:
-    given = content.get("sigmas")
-    if given is None:
+    if (given := content.get("sigmas")) is None:
         return None
     if isinstance(given, dict):
         by_name = {str(name): value for name, value in given.items()}
@@ -153,8 +152,7 @@ def _sigmas(content: dict, names: tuple[str, ...], path: Path) -> np.ndarray | N
 
 
 def _flip(content: dict, names: tuple[str, ...], path: Path) -> tuple[int, ...] | None:
-    given = content.get("flip_pairs")
-    if given is None:
+    if (given := content.get("flip_pairs")) is None:
         return None
     numbers = range(len(names))
     flip = list(numbers)

@@ -295,8 +295,7 @@ def save_submission(path: str | Path, poses: PoseSet, found: Sequence[Pose | Non
 
     These get the median of the positions that were found, and no rotation.
     """
-    known = [pose for pose in found if pose is not None]
-    if not known:
+    if not (known := [pose for pose in found if pose is not None]):
         raise InputError("no pose was found", file=path, expected="predictions with four keypoints an image")
     default = np.array([1.0, 0, 0, 0]), np.median([translation for _, translation in known], axis=0)
     save_poses(path, poses, [pose or default for pose in found])

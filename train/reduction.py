@@ -66,8 +66,7 @@ def fitting(camera: Pinhole, image_size: int) -> Size:
 
 def read_pixels(file: Path, flags: int = cv2.IMREAD_GRAYSCALE) -> np.ndarray:
     """An image file as 8-bit gray, (rows, columns), or as OpenCV's `flags` say."""
-    image = cv2.imread(str(file), flags)
-    if image is None:
+    if (image := cv2.imread(str(file), flags)) is None:
         raise InputError("cannot be read", file=file, expected="an image")
     return image
 

@@ -172,8 +172,7 @@ class Ablation:
 
         Domains of two cameras that took the same views are paired by view.
         """
-        seeds = [s for s in self.seeds(own[0]) if s in self.seeds(other[0])]
-        if not seeds:
+        if not (seeds := [s for s in self.seeds(own[0]) if s in self.seeds(other[0])]):
             return {}
         reference, resampled = self.scores(other, seeds)
         scores, again = self.scores(own, seeds)

@@ -151,8 +151,7 @@ def listings(root: Path) -> dict[str, tuple[Path, Path]]:
         folders = [folder for folder in sorted(root.iterdir()) if (folder / "images").is_dir()]
         parts = [(folder, split) for folder in folders for split in SPLITS]
         places = {f"{f.name}/{split}": (f / f"{split}.json", f / "images") for f, split in parts}
-    found = {name: place for name, place in places.items() if place[0].is_file()}
-    if not found:
+    if not (found := {name: place for name, place in places.items() if place[0].is_file()}):
         expected = "train.json and images/, or folders like synthetic/ with train.json"
         raise InputError(f"{root}: expected {expected}")
     return found

@@ -20,9 +20,7 @@ from scipy.stats import t as student
 
 def image_variance(resampled: np.ndarray) -> np.ndarray:
     """The variance by the choice of images, (measures), of (resamples, measures); NaN with fewer than two resamples."""
-    if len(resampled) < 2:
-        return np.full(resampled.shape[1:], np.nan)
-    return resampled.var(axis=0, ddof=1)
+    return np.full(resampled.shape[1:], np.nan) if len(resampled) < 2 else resampled.var(axis=0, ddof=1)
 
 
 def paired_interval(

@@ -161,8 +161,7 @@ def by_chance(differences: Sequence[Any]) -> str:
 def marked(table: ResultTable, notes: Mapping[str, str]) -> ResultTable:
     """A table whose arms that `notes` names (arm -> sentence) carry a dagger, with the sentences below."""
     cells = {cell for row in table.rows for cell in row} | set(table.head)
-    here = {arm: note for arm, note in notes.items() if arm in cells}
-    if not here:
+    if not (here := {arm: note for arm, note in notes.items() if arm in cells}):
         return table
 
     def mark(cells: Sequence[str]) -> list[str]:

@@ -88,8 +88,7 @@ def _read(root: Path, domain: str, split: str) -> PoseSet:
 
 def _corners(root: Path, number: int) -> Keypoints | None:
     """The corners of the model's bounding box, metres."""
-    file = next(iter(sorted(root.glob("models*/models_info.json"))), None)
-    if file is None:
+    if (file := next(iter(sorted(root.glob("models*/models_info.json"))), None)) is None:
         return None
     info = _table(file).get(str(number))
     if not isinstance(info, dict):

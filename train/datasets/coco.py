@@ -47,8 +47,7 @@ def _is_coco(file: Path) -> bool:
 def _read(root: Path, domain: str, split: str) -> PoseSet:
     listing, word = _listings(root)[domain, split]
     content = read_json(listing)
-    images = content["images"]
-    if not images:
+    if not (images := content["images"]):
         raise InputError("is empty", file=listing, field="images", expected="COCO's list of images")
     rows: dict[Any, int] = {}
     sizes = set()

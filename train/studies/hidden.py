@@ -68,8 +68,7 @@ def hidden_cameras(config: Config) -> dict[str, visaug.Camera]:
     """The test cameras by test set: the plain one, then one for each hidden effect; none where a config hides nothing."""
     if config.hidden is None:
         return {}
-    vis = config.arm(config.baseline).vis
-    if vis is None:
+    if (vis := config.arm(config.baseline).vis) is None:
         raise InputError("has no `vis`", field=f"arms.{config.baseline}", expected="the noise of a camera")
     if len(vis.cameras) != 1:
         raise InputError("is a list", field=f"arms.{config.baseline}.vis.camera", expected="one camera")

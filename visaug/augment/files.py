@@ -234,8 +234,7 @@ class _Work:
 
     def copy_label(self, name: str, source: Path) -> None:
         """The YOLO labels of a picture."""
-        label = find_label(source)
-        if label is None:
+        if (label := find_label(source)) is None:
             self.done.unlabelled += 1
             return
         self.labelled += 1

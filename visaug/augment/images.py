@@ -45,9 +45,7 @@ def to_unit(image: Tensor, bits: int | None) -> Tensor:
 
 def from_unit(image: Tensor, dtype: torch.dtype, bits: int | None) -> Tensor:
     """The inverse of `to_unit`, rounded."""
-    if dtype.is_floating_point:
-        return image.to(dtype)
-    return (image * _top(dtype, bits)).round().to(dtype)
+    return image.to(dtype) if dtype.is_floating_point else (image * _top(dtype, bits)).round().to(dtype)
 
 
 def _top(dtype: torch.dtype, bits: int | None) -> int:
@@ -202,9 +200,7 @@ class ImageNoise:
 
     def __call__(self, image: Any) -> Any:
         to_tensor(image)  # refuses what is no image, whether or not it gets noise
-        if torch.rand(()) >= self.p:
-            return image
-        return self.noised(image, self.noise.draw(1), self.order)
+        return image if torch.rand(()) >= self.p else self.noised(image, self.noise.draw(1), self.order)
 
     def noised(self, image: Any, draws: Mapping[str, torch.Tensor], order: str) -> Any:
         """The image with the noise of the draws; order is that of an array or tensor."""

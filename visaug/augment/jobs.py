@@ -73,8 +73,7 @@ def check_kept(output: Path, written: Mapping[str, Path]) -> None:
     """Refuse places that are, or lead by a link to, a file that is read; `written`: name below `output` -> its original."""
     read = {source.resolve(): source for source in written.values()}
     for name in written:
-        original = read.get(place_of(output, name).resolve())
-        if original is not None:
+        if (original := read.get(place_of(output, name).resolve())) is not None:
             raise InputError("would be overwritten", file=original, expected="another output folder")
 
 
@@ -115,18 +114,15 @@ def label_place(picture: Path) -> Path:
     The last folder `images` of the path is replaced by `labels`; without one, the folder is the same.
     """
     parts = list(picture.absolute().parts)
-    folders = [number for number, part in enumerate(parts[:-1]) if part == "images"]
-    if folders:
+    if folders := [number for number, part in enumerate(parts[:-1]) if part == "images"]:
         parts[folders[-1]] = "labels"
     return Path(*parts).with_suffix(".txt")
 
 
 def find_label(picture: Path) -> Path | None:
     """The YOLO labels of a picture: in the parallel folder `labels`, or beside it."""
-    for place in (label_place(picture), picture.with_suffix(".txt")):
-        if place.is_file():
-            return place
-    return None
+    places = label_place(picture), picture.with_suffix(".txt")
+    return next((place for place in places if place.is_file()), None)
 
 
 def _files(start: Path, output: Path, jobs: CopyPlan) -> Iterator[tuple[str, Path]]:

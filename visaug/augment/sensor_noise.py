@@ -366,7 +366,6 @@ def _rank() -> int:
 
 def _population(camera: Source | Sequence[Source]) -> tuple[Camera, ...]:
     several = camera if isinstance(camera, Sequence) and not isinstance(camera, str) else [camera]
-    cameras = tuple(Camera.load(one) for one in several)
-    if not cameras:
+    if not (cameras := tuple(Camera.load(one) for one in several)):
         raise InputError("the population is empty", field="camera", expected="one camera or more")
     return cameras

@@ -194,8 +194,7 @@ def _with_noise(init: Callable[..., None]) -> Callable[..., None]:
     def restored(
         albumentations: Any, p: float = 1.0, transforms: Any = None, *more: Any, **named: Any
     ) -> None:
-        wanted = number_of_noises(transforms)
-        if wanted:
+        if wanted := number_of_noises(transforms):
             for load in LOADERS:
                 load()
         init(albumentations, p, transforms, *more, **named)

@@ -74,8 +74,7 @@ class Context:
 
         Beyond the sensor the pattern is repeated.
         """
-        whole = self.maps.get(effect)
-        if whole is None:
+        if (whole := self.maps.get(effect)) is None:
             return None
         whole = whole.to(like.device)
         rows, columns = (torch.arange(r.start, r.stop, device=like.device) for r in self.window)
@@ -277,8 +276,7 @@ class Effect:
             >>> noisy.shape
             torch.Size([64, 64])
         """
-        unknown = set(conditions) - set(CONDITIONS)
-        if unknown:
+        if unknown := set(conditions) - set(CONDITIONS):
             problem = "is not a condition"
             raise InputError(problem, field=min(unknown), expected=f"one of {', '.join(CONDITIONS)}")
         if not isinstance(signal, Tensor):

@@ -84,9 +84,7 @@ def _curve_gamma(profile: bytes, offset: int) -> float | None:
         half = (entries - 1) // 2  # the exponent that the table has at mid-range
         (value,) = struct.unpack_from(">H", profile, offset + 12 + 2 * half)
         return float(np.log(max(value, 1) / 65535) / np.log(half / (entries - 1))) if half else 1.0
-    if kind == b"para":
-        return struct.unpack_from(">i", profile, offset + 12)[0] / 65536
-    return None
+    return struct.unpack_from(">i", profile, offset + 12)[0] / 65536 if kind == b"para" else None
 
 
 @dataclass

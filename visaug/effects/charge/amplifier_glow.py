@@ -58,8 +58,7 @@ class AmplifierGlow(Effect):
     )
 
     def apply(self, signal, p, stream, context):
-        rate = context.measured_map(self.name, signal)
-        if rate is None:
+        if (rate := context.measured_map(self.name, signal)) is None:
             rate = p.rate_e_per_s * self._profile(signal, p, context)
         heating = torch.exp(p.b_per_c * (context.temperature_c - REFERENCE_C))
         return add_dark_electrons(signal, context.exposure_s * rate * heating, stream, context)

@@ -30,8 +30,7 @@ class DarkCurrentNonuniformity(Effect):
     )
 
     def apply(self, signal, p, stream, context):
-        measured = context.measured_map(self.name, signal)
-        if measured is not None:
+        if (measured := context.measured_map(self.name, signal)) is not None:
             excess = measured - 1
         elif p.distribution == "lognormal":
             s = self._log_sigma(p.spread)
@@ -49,8 +48,7 @@ class DarkCurrentNonuniformity(Effect):
         return spread * torch.sqrt(torch.log1p(square) / square)
 
     def moments(self, mean, p, context):
-        measured = context.measured_map(self.name, mean)
-        if measured is not None:
+        if (measured := context.measured_map(self.name, mean)) is not None:
             return mean + context.dark_current_e * (measured - 1), 0 * mean
         if p.distribution != "lognormal":
             return None  # wide spreads are cut where dark current would be negative

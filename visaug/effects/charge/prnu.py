@@ -25,13 +25,11 @@ class PRNU(Effect):
     pixel = Strength(0.0, "fraction", 0.0, 0.5, "EMVA 1288: PRNU_pix", trials=(0.003, 0.008))
 
     def apply(self, signal, p, stream, context):
-        pattern = context.measured_map(self.name, signal)
-        if pattern is None:
+        if (pattern := context.measured_map(self.name, signal)) is None:
             pattern = stream.fixed.pattern(p.column, p.row, p.pixel)
         return (signal * (1 + pattern)).clamp_min(0)
 
     def moments(self, mean, p, context):
-        pattern = context.measured_map(self.name, mean)
-        if pattern is not None:
+        if (pattern := context.measured_map(self.name, mean)) is not None:
             return mean * (1 + pattern), 0 * mean
         return mean, mean**2 * (p.column**2 + p.row**2 + p.pixel**2)

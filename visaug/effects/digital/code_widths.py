@@ -78,8 +78,7 @@ class CodeWidths(Effect):
     def _errors(p, fixed, context):
         """Of every threshold from that below code 0 to that above the highest, in widths of a code."""
         codes = context.max_dn + 1
-        measured = context.maps.get(CodeWidths.name)
-        if measured is not None:
+        if (measured := context.maps.get(CodeWidths.name)) is not None:
             table = measured.flatten().double()
             widths = table.repeat(math.ceil(codes / len(table)))[:codes]
             edges = widths.cumsum(0) * (codes / widths.sum())

@@ -45,8 +45,7 @@ class Vignetting(Effect):
     )
 
     def apply(self, signal, p, stream, context):
-        measured = context.measured_map(self.name, signal)
-        if measured is not None:
+        if (measured := context.measured_map(self.name, signal)) is not None:
             return signal * measured
         height, width = context.resolution
         y = context.rows(signal) + 0.5 - height * (0.5 + p.centre_row)

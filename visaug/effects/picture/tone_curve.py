@@ -32,8 +32,7 @@ class ToneCurve(Effect):
 
     def apply(self, signal, p, stream, context):
         signal = signal.clamp(0, 1)
-        table = context.maps.get(self.name)
-        if table is not None:
+        if (table := context.maps.get(self.name)) is not None:
             return _interpolated(signal, table.flatten().to(signal))
         if p.curve == "srgb":
             bent = 1.055 * signal.clamp_min(0.0031308) ** (1 / 2.4) - 0.055

@@ -25,13 +25,11 @@ class DSNU(Effect):
     pixel_e = Strength(0.0, "e-", 0.0, 1e4, "EMVA 1288: DSNU_pix", trials=(0.5, 2.0))
 
     def apply(self, signal, p, stream, context):
-        pattern = context.measured_map(self.name, signal)
-        if pattern is None:
+        if (pattern := context.measured_map(self.name, signal)) is None:
             pattern = stream.fixed.pattern(p.column_e, p.row_e, p.pixel_e)
         return signal + pattern
 
     def moments(self, mean, p, context):
-        pattern = context.measured_map(self.name, mean)
-        if pattern is not None:
+        if (pattern := context.measured_map(self.name, mean)) is not None:
             return mean + pattern, 0 * mean
         return mean, p.column_e**2 + p.row_e**2 + p.pixel_e**2

@@ -75,14 +75,12 @@ class FixedPatternStructure(Effect):
     direction = Parameter("columns", options=("columns", "rows"), source="columns: constant along a column")
 
     def apply(self, signal, p, stream, context):
-        measured = context.measured_map(self.name, signal)
-        if measured is not None:
+        if (measured := context.measured_map(self.name, signal)) is not None:
             return signal + measured
         return signal + p.amplitude_e * self._pattern(signal, p, stream.fixed, context)
 
     def moments(self, mean, p, context):
-        measured = context.measured_map(self.name, mean)
-        if measured is not None:
+        if (measured := context.measured_map(self.name, mean)) is not None:
             return mean + measured, torch.zeros_like(mean)
         if p.shape == "slope":
             return mean + p.amplitude_e * self._slope(mean, p, context), torch.zeros_like(mean)

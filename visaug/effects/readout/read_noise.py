@@ -56,7 +56,6 @@ class ReadNoise(Effect):
 
 def _sigma(like, p, context):
     """Standard deviation before the gain stage in electrons: of every pixel where it was measured, else of all."""
-    measured = context.measured_map(ReadNoise.name, like)
-    if measured is not None:
+    if (measured := context.measured_map(ReadNoise.name, like)) is not None:
         return measured
     return p.sigma_e * standard_deviation_tensor(p.shape).float() if p.meaning == "scale" else p.sigma_e

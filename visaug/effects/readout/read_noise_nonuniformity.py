@@ -43,8 +43,7 @@ class ReadNoiseNonuniformity(Effect):
     )
 
     def apply(self, signal, p, stream, context):
-        own = context.measured_map(self.name, signal)
-        if own is None:
+        if (own := context.measured_map(self.name, signal)) is None:
             own = p.excess_e * torch.exp(p.spread * stream.fixed.normal() - p.spread**2)
         return signal + own * stream.fork("noise").normal()
 

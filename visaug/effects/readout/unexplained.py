@@ -42,15 +42,13 @@ class Unexplained(Effect):
     def apply(self, signal, p, stream, context):
         rows, columns, pixels = (stream.fork(part) for part in ("row", "column", "pixel"))
         out = signal
-        pattern = context.measured_map(f"{self.name}.map_e", signal)
-        if pattern is not None:
+        if (pattern := context.measured_map(f"{self.name}.map_e", signal)) is not None:
             out = out + pattern
         if (power := self._part("row_power_e2", signal, context)) is not None:
             out = out + _lines(power, rows, context.window[0]).unsqueeze(-1)
         if (power := self._part("column_power_e2", signal, context)) is not None:
             out = out + _lines(power, columns, context.window[1]).unsqueeze(-2)
-        variance = self._variance(signal, context)
-        if variance is not None:
+        if (variance := self._variance(signal, context)) is not None:
             noisy = variance > 0  # the root has no derivative at 0
             out = out + torch.where(noisy, variance, 1.0).sqrt() * noisy * pixels.normal()
         return out

@@ -67,8 +67,7 @@ def same_seed_same_output(effect: type[Effect]) -> None:
 
 def zero_strength_is_identity(effect: type[Effect]) -> None:
     """Bit for bit; and each strength alone changes the signal."""
-    zero = dict.fromkeys(effect.strengths(), 0.0)
-    if not zero:
+    if not (zero := dict.fromkeys(effect.strengths(), 0.0)):
         return
     image = instruments.scene(effect)
     # factors of a usual strength: rare events do not reach a small image at that
@@ -137,8 +136,7 @@ def moments_are_as_declared(effect: type[Effect]) -> None:
         context = instruments.context(resolution=shape, reading=reading)
         for choice in instruments.choices(effect):
             p = instruments.tensors(instruments.values(effect, **choice))
-            declared = effect().moments(signal, p, context)
-            if declared is None:
+            if (declared := effect().moments(signal, p, context)) is None:
                 continue
             numbers = instruments.stream(context, range(FRAMES), range(5000, 5000 + FRAMES))
             out = instruments.apply(effect, signal.expand(FRAMES, -1, -1, -1), p, numbers, context).double()
