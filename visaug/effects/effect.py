@@ -13,6 +13,7 @@ from visaug.core.errors import InputError
 from visaug.core.sampling import Stream, as_seed, derive_key
 from visaug.effects.parameter import Parameter, check_value, plain, unused
 from visaug.effects.parameter import Strength as Strength
+from visaug.effects.parameter import choice as choice
 
 
 class Values:

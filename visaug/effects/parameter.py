@@ -62,6 +62,11 @@ class Strength(Parameter):
     strength: bool = True
 
 
+def choice(options: tuple[str, ...], source: str) -> Parameter:
+    """A categorical parameter; the first of its options is the default."""
+    return Parameter(options[0], options=options, source=source)
+
+
 def unused(parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> dict[str, str]:
     """Values other than the default that the chosen options leave without effect, with the options that use them, in words."""
     words = {values.get(name, p.default) for name, p in parameters.items() if p.options}

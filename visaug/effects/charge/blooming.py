@@ -3,7 +3,7 @@
 import torch
 import torch.nn.functional as F
 
-from visaug.effects.effect import Effect, Parameter, Stage, Strength
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 
 DEEPEST_E = 1e9  # in place of an unlimited full well
 LEAST = 0.02  # share of the excess that is seen beside it: less may be a blur, a lag or noise
@@ -42,11 +42,7 @@ class Blooming(Effect):
         source="fraction that flows to lower row numbers",
         of=("column",),
     )
-    spread = Parameter(
-        "column",
-        options=("column", "isotropic"),
-        source="column: CCDs; isotropic: pixels without channel stops",
-    )
+    spread = choice(("column", "isotropic"), "column: CCDs; isotropic: pixels without channel stops")
 
     @classmethod
     def looks(cls, seen):

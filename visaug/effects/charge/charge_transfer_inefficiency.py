@@ -3,7 +3,7 @@
 import torch
 import torch.nn.functional as F
 
-from visaug.effects.effect import Effect, Parameter, Stage, Strength
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 
 MOST = 0.9  # share that a transfer may leave behind
 
@@ -41,11 +41,7 @@ class ChargeTransferInefficiency(Effect):
         high=1.5,
         source="beta; 1: proportional loss; 0.5 to 0.6 in CCDs (A. Short et al., MNRAS 430 (2013) 3078)",
     )
-    register = Parameter(
-        "top",
-        options=("top", "bottom", "left", "right"),
-        source="edge of the sensor to which charge is transferred",
-    )
+    register = choice(("top", "bottom", "left", "right"), "edge of the sensor to which charge is transferred")
 
     def apply(self, signal, p, stream, context):
         sideways, far = p.register in ("left", "right"), p.register in ("bottom", "right")

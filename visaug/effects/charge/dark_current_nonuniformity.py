@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage, Strength
+from visaug.effects.effect import Effect, Stage, Strength, choice
 
 
 class DarkCurrentNonuniformity(Effect):
@@ -25,9 +25,7 @@ class DarkCurrentNonuniformity(Effect):
     spread = Strength(
         0.3, "fraction", 0.0, 10.0, "standard deviation relative to the mean: 0.1 to 1", trials=(0.4, 1.2)
     )
-    distribution = Parameter(
-        "lognormal", options=("lognormal", "gaussian", "exponential"), source="of the factors"
-    )
+    distribution = choice(("lognormal", "gaussian", "exponential"), "of the factors")
 
     def apply(self, signal, p, stream, context):
         if (measured := context.measured_map(self.name, signal)) is not None:

@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage, Strength
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 
 
 class ImageLag(Effect):
@@ -30,10 +30,9 @@ class ImageLag(Effect):
     decay = Parameter(
         0.0, "fraction", 0.0, 0.99, "of the retained charge, from frame to frame", trials=(0.0, 0.6)
     )
-    saturates = Parameter(
-        "diode",
-        options=("diode", "node"),
-        source="which saturates first: the photodiode before the transfer, or the sense node after it",
+    saturates = choice(
+        ("diode", "node"),
+        "which saturates first: the photodiode before the transfer, or the sense node after it",
     )
 
     def apply(self, signal, p, stream, context):

@@ -1,6 +1,6 @@
 """Parasitic light sensitivity."""
 
-from visaug.effects.effect import Noiseless, Parameter, Stage, Strength
+from visaug.effects.effect import Noiseless, Parameter, Stage, Strength, choice
 
 
 class ParasiticLight(Noiseless):
@@ -29,7 +29,7 @@ class ParasiticLight(Noiseless):
         source="parasitic light sensitivity; 1/5000 with shielding, 1e-2 without",
     )
     readout_s = Parameter(0.01, "s", 0.0, 100.0, "of a whole frame: 1 / frame rate")
-    first = Parameter("top", options=("top", "bottom"), source="row that is read first")
+    first = choice(("top", "bottom"), "row that is read first")
 
     def apply(self, signal, p, stream, context):
         waits = context.rows(signal) / context.resolution[0]

@@ -1,6 +1,6 @@
 """Smear."""
 
-from visaug.effects.effect import Effect, Parameter, Stage, Strength
+from visaug.effects.effect import Effect, Stage, Strength, choice
 
 
 class Smear(Effect):
@@ -24,9 +24,7 @@ class Smear(Effect):
     transfer_s = Strength(
         2e-4, "s", 0.0, 1.0, "transfer time of a whole frame: 0.1 to 10 ms", trials=(2e-4, 1e-3)
     )
-    passes = Parameter(
-        "both", options=("both", "below", "above"), source="rows whose light a charge packet passes"
-    )
+    passes = choice(("both", "below", "above"), "rows whose light a charge packet passes")
 
     def apply(self, signal, p, stream, context):
         share = p.transfer_s / context.exposure_s.clamp_min(1e-9)

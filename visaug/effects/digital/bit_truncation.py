@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage, Strength
+from visaug.effects.effect import Effect, Stage, Strength, choice
 
 
 class BitTruncation(Effect):
@@ -24,9 +24,7 @@ class BitTruncation(Effect):
     bits = Strength(
         2.0, "bits", 0.0, 15.0, "16-bit files of 12-bit cameras: 4", integer=True, trials=(1, 2, 3, 4)
     )
-    mode = Parameter(
-        "cut", options=("cut", "round"), source="most links truncate; scaling in software rounds"
-    )
+    mode = choice(("cut", "round"), "most links truncate; scaling in software rounds")
 
     def apply(self, signal, p, stream, context):
         step = 2.0 ** p.bits.round()  # what a fit gives may lie between

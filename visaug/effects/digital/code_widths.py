@@ -4,7 +4,7 @@ import math
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage, Strength
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 
 NEAREST = 0.49  # of a threshold to its ideal place, in code widths: thresholds stay in order
 NARROWEST = 1e-6  # width of a code that is never met
@@ -45,10 +45,9 @@ class CodeWidths(Effect):
         trials=(0.2, 0.5),
         source="standard deviation of a code's width; of the largest steps for `bits`; datasheets: 0.3 to 1",
     )
-    pattern = Parameter(
-        "thresholds",
-        options=("thresholds", "stage", "bits"),
-        source="thresholds: flash, slope; stage: pipelined, subranging; bits: successive approximation",
+    pattern = choice(
+        ("thresholds", "stage", "bits"),
+        "thresholds: flash, slope; stage: pipelined, subranging; bits: successive approximation",
     )
     period = Parameter(
         4.0,

@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage, Strength
+from visaug.effects.effect import Effect, Stage, Strength, choice
 
 
 class MissingCodes(Effect):
@@ -31,9 +31,7 @@ class MissingCodes(Effect):
         trials=(0.02, 0.1),
         source="0 for a good converter; a digital gain g gives 1 - 1/g; above a gain of 2 use bit_truncation",
     )
-    pattern = Parameter(
-        "random", options=("random", "even"), source="random: the converter; even: a digital gain"
-    )
+    pattern = choice(("random", "even"), "random: the converter; even: a digital gain")
 
     def apply(self, signal, p, stream, context):
         codes = torch.arange(context.max_dn + 1, device=signal.device)

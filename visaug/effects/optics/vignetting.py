@@ -1,6 +1,6 @@
 """Vignetting."""
 
-from visaug.effects.effect import Effect, Parameter, Stage, Strength
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 
 
 class Vignetting(Effect):
@@ -32,11 +32,7 @@ class Vignetting(Effect):
         source="2: a small field; higher: vignetting by the lens barrel",
         of=("power",),
     )
-    law = Parameter(
-        "power",
-        options=("power", "cos4"),
-        source="cos4: natural vignetting, R. Kingslake, Optical System Design (1983)",
-    )
+    law = choice(("power", "cos4"), "cos4: natural vignetting, R. Kingslake, Optical System Design (1983)")
     centre_row = Parameter(
         0.0, "fraction", -0.5, 0.5, "vertical offset of the optical axis from the centre", trials=(0.05,)
     )

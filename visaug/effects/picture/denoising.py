@@ -4,7 +4,7 @@ import torch
 import torch.nn.functional as F
 
 from visaug.effects.effect import Spreading, Stage
-from visaug.effects.parameter import Parameter, Strength
+from visaug.effects.parameter import Parameter, Strength, choice
 
 
 class Denoising(Spreading):
@@ -28,9 +28,7 @@ class Denoising(Spreading):
     threshold = Parameter(
         0.03, "fraction", 0.0, 1.0, "of full scale; three standard deviations of the noise", of=("wavelet",)
     )
-    filter = Parameter(
-        "median", options=("median", "wavelet"), source="median: despeckling; wavelet: raw converters"
-    )
+    filter = choice(("median", "wavelet"), "median: despeckling; wavelet: raw converters")
 
     def apply(self, signal, p, stream, context):
         smooth = _median(signal) if p.filter == "median" else _shrunk(signal, p.threshold)

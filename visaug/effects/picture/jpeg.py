@@ -6,7 +6,7 @@ from torch import Tensor
 
 from visaug.effects.effect import Effect, Stage
 from visaug.effects.optics.spread import cosines
-from visaug.effects.parameter import Parameter
+from visaug.effects.parameter import Parameter, choice
 from visaug.effects.straight_through import round_through
 
 # Annex K.1 of the standard, the tables of quality 50 for luminance and chrominance, row by row.
@@ -47,7 +47,7 @@ class JPEG(Effect):
     quality = Parameter(
         90.0, "1", 1.0, 100.0, "cameras: 85 to 98; SPEED+ is JPEG", integer=True, trials=(95, 75)
     )
-    chroma = Parameter("half", options=("half", "full"), source="half: 4:2:0, most files; full: 4:4:4")
+    chroma = choice(("half", "full"), "half: 4:2:0, most files; full: 4:4:4")
 
     def apply(self, signal, p, stream, context):
         picture = round_through(signal.clamp(0, 1) * 255)

@@ -3,7 +3,7 @@
 import torch
 
 from visaug.effects.effect import Effect, Stage
-from visaug.effects.parameter import Parameter
+from visaug.effects.parameter import Parameter, choice
 
 
 class ToneCurve(Effect):
@@ -26,9 +26,7 @@ class ToneCurve(Effect):
     map_low = 0.0
     map_is_table = True
     gamma = Parameter(2.2, "1", 0.1, 10.0, "1: none; 2.2: displays", trials=(1.5, 2.2), of=("gamma",))
-    curve = Parameter(
-        "gamma", options=("gamma", "srgb"), source="srgb: the curve of nearly all 8-bit pictures"
-    )
+    curve = choice(("gamma", "srgb"), "srgb: the curve of nearly all 8-bit pictures")
 
     def apply(self, signal, p, stream, context):
         signal = signal.clamp(0, 1)

@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage, Strength
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 
 MOST = 64  # channels; column-parallel sensors have 2 to 64 outputs
 READ = (2, 3, 4, 6, 8, 12, 16)  # interleaved channels that a look at the columns distinguishes,
@@ -35,9 +35,7 @@ class ColumnParity(Effect):
     channels = Parameter(
         2.0, "channels", 2.0, MOST, "2: odd and even columns", integer=True, trials=(2, 4, 8)
     )
-    layout = Parameter(
-        "interleaved", options=("interleaved", "blocks"), source="blocks: taps side by side, as in large CCDs"
-    )
+    layout = choice(("interleaved", "blocks"), "blocks: taps side by side, as in large CCDs")
 
     @classmethod
     def looks(cls, seen):

@@ -1,6 +1,6 @@
 """Row noise with a memory."""
 
-from visaug.effects.effect import Effect, Parameter, Stage, Strength
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 from visaug.effects.readout.coloured import coloured
 
 
@@ -26,7 +26,7 @@ class CorrelatedRowNoise(Effect):
     periodic_banding has a line, flicker_noise also varies within a row"""
     sigma_e = Strength(1.0, "e-", 0.0, 1e4, "0.1 to 1 times the read noise", trials=(0.5, 1.5))
     exponent = Parameter(1.0, "1", 0.0, 2.5, "1: flicker; 2: a random walk", trials=(0.6, 1.6))
-    direction = Parameter("rows", options=("rows", "columns"), source="rows: one offset for each row")
+    direction = choice(("rows", "columns"), "rows: one offset for each row")
 
     def apply(self, signal, p, stream, context):
         axis = 0 if p.direction == "rows" else 1

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage, Strength
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 from visaug.effects.readout.steps import edges
 
 
@@ -67,12 +67,10 @@ class FixedPatternStructure(Effect):
     second = Parameter(
         -1.0, "1", -10.0, 10.0, "of steps: the second relative to the first", trials=(-1.0,), of=("steps",)
     )
-    shape = Parameter(
-        "bands",
-        options=("bands", "levels", "wave", "slope", "steps"),
-        source="the paper, fig. 2: levels, steps and a slope",
+    shape = choice(
+        ("bands", "levels", "wave", "slope", "steps"), "the paper, fig. 2: levels, steps and a slope"
     )
-    direction = Parameter("columns", options=("columns", "rows"), source="columns: constant along a column")
+    direction = choice(("columns", "rows"), "columns: constant along a column")
 
     def apply(self, signal, p, stream, context):
         if (measured := context.measured_map(self.name, signal)) is not None:

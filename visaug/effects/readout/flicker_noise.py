@@ -1,6 +1,6 @@
 """1/f noise."""
 
-from visaug.effects.effect import Effect, Parameter, Stage, Strength
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 from visaug.effects.readout.coloured import STEEPEST, coloured, part_of_coloured
 
 
@@ -29,13 +29,10 @@ class FlickerNoise(Effect):
     exponent = Parameter(
         1.0, "1", 0.0, 2.0, "near 1 for MOS transistors; 2 is a random walk", trials=(0.7, 1.0, 1.4)
     )
-    direction = Parameter(
-        "rows", options=("rows", "columns"), source="rows: pixels of a row are read one after another"
-    )
-    clamp = Parameter(
-        "none",
-        options=("none", "frame"),
-        source="none: periods longer than a frame shift the whole frame; frame: a black clamp removes the mean of each frame",
+    direction = choice(("rows", "columns"), "rows: pixels of a row are read one after another")
+    clamp = choice(
+        ("none", "frame"),
+        "none: periods longer than a frame shift the whole frame; frame: a black clamp removes the mean of each frame",
     )
 
     def apply(self, signal, p, stream, context):

@@ -3,7 +3,7 @@
 import torch
 import torch.nn.functional as F
 
-from visaug.effects.effect import Effect, Parameter, Stage, Strength
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 
 MOST_PX = 5  # side of a cluster
 
@@ -43,8 +43,8 @@ class LineDefects(Effect):
     size_px = Parameter(
         3.0, "px", 1.0, MOST_PX, "datasheets: clusters of 2 to 5 pixels", integer=True, of=("clusters",)
     )
-    kind = Parameter("bright", options=("bright", "dead", "unstable"), source="classes of datasheets")
-    shape = Parameter("columns", options=("columns", "rows", "clusters"), source="classes of datasheets")
+    kind = choice(("bright", "dead", "unstable"), "classes of datasheets")
+    shape = choice(("columns", "rows", "clusters"), "classes of datasheets")
 
     def apply(self, signal, p, stream, context):
         vary = {"columns": "column", "rows": "row"}.get(p.shape, "pixel")

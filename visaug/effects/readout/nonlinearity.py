@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Noiseless, Parameter, Stage, Strength
+from visaug.effects.effect import Noiseless, Stage, Strength, choice
 
 
 class Nonlinearity(Noiseless):
@@ -37,10 +37,8 @@ class Nonlinearity(Noiseless):
         trials=(-0.01, -0.04),
         source="deviation at full scale; the next term of the curve",
     )
-    full_scale = Parameter(
-        "full_well",
-        options=("full_well", "converter"),
-        source="signal range to which the curve refers: full well or converter range",
+    full_scale = choice(
+        ("full_well", "converter"), "signal range to which the curve refers: full well or converter range"
     )
 
     def apply(self, signal, p, stream, context):

@@ -3,7 +3,7 @@
 import torch
 
 from visaug.core.sampling.tukey_lambda import standard_deviation_tensor
-from visaug.effects.effect import Effect, Parameter, Stage, Strength
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 
 # A random number of 32 bits ends at a tail of p = 2^-33. Beyond it lies a share of the variance that grows as the shape falls,
 # 2 p^(2L + 1) / (L^2 (2L + 1) var): 0.3 % here, so that the standard deviation is 0.2 % short at most; 2 % at -0.4.
@@ -35,9 +35,7 @@ class ReadNoise(Effect):
     sigma_e = Strength(0.0, "e-", 0.0, 1e4, "EMVA 1288: temporal dark noise", trials=(1.0, 3.0))
     shape = Parameter(0.14, "1", LEAST_SHAPE, 1.0, "0.14 is nearly Gaussian; the paper's camera has -0.23")
     after_gain_dn = Parameter(0.0, "DN", 0.0, 65535.0, "converter and line noise after the gain stage")
-    meaning = Parameter(
-        "standard_deviation", options=("standard_deviation", "scale"), source="scale: as fitted in the paper"
-    )
+    meaning = choice(("standard_deviation", "scale"), "scale: as fitted in the paper")
 
     @classmethod
     def strengths(cls):

@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage, Strength
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 from visaug.effects.telegraph import kept_states
 
 
@@ -43,10 +43,8 @@ class RTSNoise(Effect):
         source="time constants vary by decades (Wang et al.): some traps are slower than the frame rate",
         of=("two",),
     )
-    amplitudes = Parameter(
-        "exponential", options=("exponential", "equal"), source="exponential in Wang et al., fig. 5"
-    )
-    levels = Parameter("two", options=("two", "three"), source="three with correlated double sampling")
+    amplitudes = choice(("exponential", "equal"), "exponential in Wang et al., fig. 5")
+    levels = choice(("two", "three"), "three with correlated double sampling")
 
     def apply(self, signal, p, stream, context):
         fixed = stream.fixed

@@ -1,6 +1,6 @@
 """Two taps."""
 
-from visaug.effects.effect import Noiseless, Parameter, Stage, Strength
+from visaug.effects.effect import Noiseless, Parameter, Stage, Strength, choice
 from visaug.effects.readout.steps import edges
 
 
@@ -27,7 +27,7 @@ class TapMismatch(Noiseless):
         0.0, "fraction", -0.5, 0.5, "matched to about 1 %; second minus first half", trials=(0.005, 0.02)
     )
     seam = Parameter(0.5, "share of the sensor", 0.0, 1.0, "0.5 is the middle", trials=(0.5,))
-    direction = Parameter("columns", options=("columns", "rows"), source="columns: left and right halves")
+    direction = choice(("columns", "rows"), "columns: left and right halves")
 
     def apply(self, signal, p, stream, context):
         place, extent = context.places(p.direction, signal)
