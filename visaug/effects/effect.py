@@ -362,6 +362,13 @@ class Noiseless(Effect):
         return self.apply(mean, p, no_numbers, context), torch.zeros_like(mean)
 
 
+class AdditiveNoise(Effect):
+    """An effect that adds noise of mean 0 and standard deviation `sigma_e`."""
+
+    def moments(self, mean, p, context):
+        return mean, p.sigma_e**2
+
+
 class Spreading(Effect):
     """An effect that only moves light, charge or values between pixels: a constant signal stays as it is."""
 

@@ -2,10 +2,10 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage, Strength
+from visaug.effects.effect import AdditiveNoise, Parameter, Stage, Strength
 
 
-class BlackLevelDrift(Effect):
+class BlackLevelDrift(AdditiveNoise):
     """The clamp that sets the black level is noisy and depends on the temperature of the electronics.
 
     Along a sequence the offset is a first-order autoregression with standard deviation `sigma_e` and `correlation` between
@@ -29,9 +29,6 @@ class BlackLevelDrift(Effect):
         if context.sequence:
             course = self._walk(course, p.correlation, context)
         return signal + p.sigma_e * course
-
-    def moments(self, mean, p, context):
-        return mean, p.sigma_e**2
 
     def _walk(self, fresh, correlation, context):
         """Autoregressive course of variance 1 from white numbers (B, 1, 1, 1), on from the last batch."""

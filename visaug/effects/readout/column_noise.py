@@ -1,9 +1,9 @@
 """Column noise."""
 
-from visaug.effects.effect import Effect, Stage, Strength
+from visaug.effects.effect import AdditiveNoise, Stage, Strength
 
 
-class ColumnNoise(Effect):
+class ColumnNoise(AdditiveNoise):
     """Each column has a converter whose reference is sampled once per frame.
 
     The part that is constant over frames is the column part of DSNU; this effect is drawn anew in every frame.
@@ -22,6 +22,3 @@ class ColumnNoise(Effect):
 
     def apply(self, signal, p, stream, context):
         return signal + p.sigma_e * stream.normal("column")
-
-    def moments(self, mean, p, context):
-        return mean, p.sigma_e**2

@@ -1,10 +1,10 @@
 """Row noise with a memory."""
 
-from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
+from visaug.effects.effect import AdditiveNoise, Parameter, Stage, Strength, choice
 from visaug.effects.readout.coloured import coloured
 
 
-class CorrelatedRowNoise(Effect):
+class CorrelatedRowNoise(AdditiveNoise):
     """The references and supplies that the pixels of a row share have 1/f noise, so neighbouring rows have similar offsets.
 
     The record is twice as long as the frame, so the end of a frame is not correlated with its beginning. Periods longer than
@@ -34,6 +34,3 @@ class CorrelatedRowNoise(Effect):
         lines = context.window[axis]
         noise = coloured(own.flatten(2), p.exponent)[..., lines.start : lines.stop]
         return signal + p.sigma_e * noise.unsqueeze(-1 if axis == 0 else -2)
-
-    def moments(self, mean, p, context):
-        return mean, p.sigma_e**2

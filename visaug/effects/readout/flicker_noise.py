@@ -1,10 +1,10 @@
 """1/f noise."""
 
-from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
+from visaug.effects.effect import AdditiveNoise, Parameter, Stage, Strength, choice
 from visaug.effects.readout.coloured import STEEPEST, coloured, part_of_coloured
 
 
-class FlickerNoise(Effect):
+class FlickerNoise(AdditiveNoise):
     """Low-frequency noise of an output amplifier, in the order in which it reads the pixels: stripes along rows.
 
     Each frequency along the readout of the whole sensor gets a random amplitude and phase. The simulated record is twice as
@@ -52,6 +52,3 @@ class FlickerNoise(Effect):
             ..., inside.start : inside.stop, read[1].start : read[1].stop
         ]
         return signal + p.sigma_e * (noise if p.direction == "rows" else noise.transpose(-1, -2))
-
-    def moments(self, mean, p, context):
-        return mean, p.sigma_e**2

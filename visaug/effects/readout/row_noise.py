@@ -1,9 +1,9 @@
 """Row noise."""
 
-from visaug.effects.effect import Effect, Stage, Strength
+from visaug.effects.effect import AdditiveNoise, Stage, Strength
 
 
-class RowNoise(Effect):
+class RowNoise(AdditiveNoise):
     """The reset and reference voltages of a row are common to its pixels and fluctuate from frame to frame."""
 
     name = "row_noise"
@@ -19,6 +19,3 @@ class RowNoise(Effect):
 
     def apply(self, signal, p, stream, context):
         return signal + p.sigma_e * stream.normal("row")
-
-    def moments(self, mean, p, context):
-        return mean, p.sigma_e**2
