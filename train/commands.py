@@ -191,11 +191,8 @@ def _trained(config_path: Path, seed: int, progress: Progress | None, arm: str |
     """The study and the run of an arm; an InputError where it is not trained, before anything is rendered or written."""
     config = load_config(config_path)
     arm, first = _arm(config, arm), config.seeds[0] + seed
-    missing = InputError(
-        f"arm {arm}, seed {first} is not trained",
-        file=config_path,
-        expected=f"visaug train {config_path} --arm {arm}, or visaug ablate {config_path}, first",
-    )
+    expected = f"visaug train {config_path} --arm {arm}, or visaug ablate {config_path}, first"
+    missing = InputError(f"arm {arm}, seed {first} is not trained", file=config_path, expected=expected)
     if not any((config.output / "runs").glob(f"{arm}-seed{first}-*/run.json")):
         raise missing
     study = prepare(_seeded(config_path, seed), progress)

@@ -8,6 +8,7 @@ import csv
 import io
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
@@ -146,35 +147,32 @@ def load_predictions(
     path = Path(path)
     names = names or ImageNames(poses)
     files = {} if images is None else image_names(images)
-    records = read_json(path)
+    records, wrong = read_json(path), partial(InputError, file=path)
     if not isinstance(records, list):
-        expected = "COCO's results format with file_name for image_id"
-        raise InputError("holds no list", file=path, expected=expected)
+        raise wrong("holds no list", expected="COCO's results format with file_name for image_id")
     found: list[list[tuple[np.ndarray, np.ndarray, float]]] = [[] for _ in poses.files]
     domains: set[str] = set()
     visits: list[tuple[int, str]] = []  # image and record, where the name may be of another domain
     for number, record in enumerate(records):
         field = f"record {number}"
         if not isinstance(record, dict):
-            expected = "file_name, bbox, keypoints and score"
-            raise InputError("is not an object", file=path, field=field, expected=expected)
+            raise wrong("is not an object", field=field, expected="file_name, bbox, keypoints and score")
         name, key = record.get("file_name"), record.get("image_id")
         if name is None and files and not (isinstance(key, int | float | str) and key in files):
             problem = f"{key!r} is no image of the annotations file"
-            raise InputError(problem, file=path, field=f"{field}.image_id", expected=f"an id of {images}")
+            raise wrong(problem, field=f"{field}.image_id", expected=f"an id of {images}")
         if name is None:  # a name, as AlphaPose and ultralytics write it, or a number
             name = files[key] if files else key if isinstance(key, str) else None
         if name is None:
             expected = "an image's name; for image_id give the annotations file (--images)"
-            raise InputError("is missing", file=path, field=f"{field}.file_name", expected=expected)
+            raise wrong("is missing", field=f"{field}.file_name", expected=expected)
         index = names.find(name, path, f"{field}.file_name")
         has_box = record.get("bbox") is not None
         box = _numbers(record, "bbox", 4, path, field) if has_box else np.full(4, np.nan)
         points = _numbers(record, "keypoints", 3 * keypoints, path, field).reshape(keypoints, 3)
         score = float(_numbers(record, "score", 0, path, field))
         if box[2] < 0 or box[3] < 0:
-            problem = "a width or height is negative"
-            raise InputError(problem, file=path, field=f"{field}.bbox", expected="x, y, w, h")
+            raise wrong("a width or height is negative", field=f"{field}.bbox", expected="x, y, w, h")
         if index is not None:
             found[index].append((np.concatenate([box[:2], box[:2] + box[2:]]), points, score))
             if also := names.also_of(name):
@@ -186,7 +184,7 @@ def load_predictions(
     meant = f"{poses.domain}/{poses.files[0].name} where it is of {poses.domain}"
     if (start := starts_over(seen, len(domains))) is not None:
         problem = f"the names start over, as those of {', '.join(sorted({poses.domain, *domains}))} do"
-        raise InputError(problem, file=path, field=visits[start][1], expected=meant)
+        raise wrong(problem, field=visits[start][1], expected=meant)
     if several := sum(count > 1 for count in Counter(seen).values()):
         say(
             f"{several} images have several records, all taken for detections in {poses.domain}; "
