@@ -163,12 +163,9 @@ def prepare_dataset(
         place = output.with_name(f"{output.name}-{width_height[0]}x{width_height[1]}")
         data_yaml = convert(parts, model, place, width_height, progress)
         said.append(f"labels: {data_yaml}")
-        left = ", ".join(more)
-        said += (
-            [f"note: --size converts the first domain with a train split, {first}; not {left}"]
-            if more
-            else []
-        )
+        if more:
+            left = ", ".join(more)
+            said.append(f"note: --size converts the first domain with a train split, {first}; not {left}")
     return "\n".join([*said, f"ready: {root}"])
 
 

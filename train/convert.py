@@ -42,6 +42,7 @@ def convert(
     destination = Path(destination)
     beside, flip = destination.resolve().parent, list(keypoints.flip or ())
     known = np.isfinite(keypoints.points_m).all()
+    links = {name: _way(poses.files[0].parent, destination, beside) for name, poses in parts.items()}
     described = {
         "keypoints": keypoints.points_m.tolist() if known else list(keypoints.names),
         **({"flip": flip} if flip else {}),
@@ -49,10 +50,7 @@ def convert(
         "reduce": reduce,
         "channels": channels,
         "parts": {name: identity(poses) for name, poses in parts.items()},
-        # Copies stand for themselves; links lead somewhere.
-        "linked": None
-        if size
-        else {n: _way(p.files[0].parent, destination, beside) for n, p in parts.items()},
+        "linked": None if size else links,  # copies stand for themselves
     }
     data_yaml = destination / "data.yaml"
     content = {
