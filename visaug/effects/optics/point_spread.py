@@ -1,6 +1,6 @@
 """Point spread of the optics."""
 
-from visaug.effects.effect import Parameter, Spreading, Stage
+from visaug.effects.effect import Parameter, Spreading, Stage, Strength
 from visaug.effects.optics.spread import gaussian_blur
 
 
@@ -16,13 +16,9 @@ class PointSpread(Spreading):
     columns, integrated over each pixel"""
     source = "B. Zhang et al., Applied Optics 46 (2007) 1819, on the Gaussian as the image of a point"
     separates = """compare the noise of neighbouring pixels in flats: crosstalk correlates it, point spread does not"""
-    sigma_px = Parameter(
-        0.7,
-        unit="px",
-        high=50.0,
-        strength=True,
-        trials=(0.2, 0.6, 1.2),  # its shifts grow a thousandfold from 0.1 to 0.6 px
-        source="an f/2.8 lens on 3 um pixels: 0.3 to 1 px",
+    # trials: its shifts grow a thousandfold from 0.1 to 0.6 px
+    sigma_px = Strength(
+        0.7, "px", 0.0, 50.0, "an f/2.8 lens on 3 um pixels: 0.3 to 1 px", trials=(0.2, 0.6, 1.2)
     )
     aspect = Parameter(1.0, "1", 0.2, 5.0, "vertical to horizontal width; 1: round")
 

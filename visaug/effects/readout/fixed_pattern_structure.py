@@ -8,6 +8,8 @@ import torch
 from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 from visaug.effects.readout.steps import edges
 
+SHARE = "share of the sensor"  # a unit
+
 
 class FixedPatternStructure(Effect):
     """Column amplifiers share supplies and layout, so their offsets are correlated.
@@ -48,21 +50,9 @@ class FixedPatternStructure(Effect):
     curvature = Parameter(
         0.0, "1", -1.0, 1.0, "of a slope, relative to its linear part", trials=(0.5,), of=("slope",)
     )
-    edge = Parameter(
-        0.33,
-        unit="share of the sensor",
-        high=1.0,
-        trials=(0.33,),
-        source="of steps: position of the first",
-        of=("steps",),
-    )
+    edge = Parameter(0.33, SHARE, 0.0, 1.0, "of steps: position of the first", trials=(0.33,), of=("steps",))
     second_edge = Parameter(
-        0.67,
-        unit="share of the sensor",
-        high=1.0,
-        trials=(0.67,),
-        source="of steps: position of the second",
-        of=("steps",),
+        0.67, SHARE, 0.0, 1.0, "of steps: position of the second", trials=(0.67,), of=("steps",)
     )
     second = Parameter(
         -1.0, "1", -10.0, 10.0, "of steps: the second relative to the first", trials=(-1.0,), of=("steps",)
