@@ -246,8 +246,8 @@ def predict(
     detections: list[Detections] = []
     how: dict[str, Any] = {"imgsz": image_size, "conf": 0.001, "max_det": 20, "batch": 32, "device": device}
     for first in range(0, len(poses), 64):
-        images = [read_image(f, poses.camera, cv2.IMREAD_COLOR) for f in poses.files[first : first + 64]]
-        images = [reduced(image, size, reduce) for image in images]
+        whole = (read_image(f, poses.camera, cv2.IMREAD_COLOR) for f in poses.files[first : first + 64])
+        images = [reduced(image, size, reduce) for image in whole]
         results: Any = model.predict(images, verbose=False, save=False, **how)
         for result in results:
             found = result.boxes.xyxy, result.keypoints.data, result.boxes.conf

@@ -48,8 +48,8 @@ def _read_spark(root: Path, domain: str, split: str) -> PoseSet:
 
 
 VALIDATION = {"ACE", "CALIPSO", "Dawn", "ExoMars_TGO", "GRAIL", "Integral", "LADEE", "OSIRIS_REX", "Proba_2"}
-VALIDATION |= {"Lunar_Reconnaissance_Orbiter", "Mercury_Magnetospheric_Orbiter", "SOHO", "Suomi_NPP"}
-VALIDATION |= {"Ulysses"}
+VALIDATION |= {"Lunar_Reconnaissance_Orbiter", "Mercury_Magnetospheric_Orbiter"}
+VALIDATION |= {"SOHO", "Suomi_NPP", "Ulysses"}
 RESERVED = {"Van_Allen_Probe", "Venus_Express", "Voyager", "WIND", "XMM_newton"}  # for future tests
 
 
