@@ -83,13 +83,8 @@ class VISNoise(IntensityAugmentationBase2D):
     ):
         p = check_number("p", p, 0, 1)
         super().__init__(p=p, same_on_batch=same_on_batch, keepdim=keepdim)
-        words: dict[str, Any] = {
-            "fixed_pattern": fixed_pattern,
-            "transfer": transfer,
-            "fast": fast,
-            "seed": seed,
-        }
-        words |= {"black_level": black_level, "resolution": resolution, "mono": mono}
+        words: dict[str, Any] = {"fixed_pattern": fixed_pattern, "transfer": transfer, "fast": fast}
+        words |= {"black_level": black_level, "resolution": resolution, "mono": mono, "seed": seed}
         words |= {"gain_db": gain_db, "exposure": exposure, "strength": strength}
         self.sensor = SensorNoise(camera, **words, **further)
 
