@@ -9,19 +9,11 @@ from visaug_train.sections import ConfigSection, Pair, Share
 
 
 class Vis(ConfigSection):
-    """The sensor noise.
+    """The sensor noise. What is not said here is as in `visaug.VISNoise`; left out, the camera's own."""
 
-    Attributes:
-        camera: a camera's file or shipped name, or a list of these: a population, of which each image gets one.
-        set: values of the camera by path, which are then not randomised.
-        effects: added to the camera. A number may be a pair [low, high], drawn uniformly for each image; `p` is the
-            share of the images that have the effect.
-        gain_db, exposure, strength, full_scale_photons: as in `visaug.VISNoise`; left out, the camera's own.
-        white_std_present: white noise that the images carry already (1 is full scale); its variance is taken off the
-            read noise, at the gain of `set` or `gain_db`, of a pair at its middle.
-    """
-
-    camera: str | list[str]
+    camera: (
+        str | list[str]
+    )  # a file or shipped name, or a list of these: a population, of which each image gets one
     p: Share = 1.0
     resolution: Literal["network", "sensor"] = "network"
     fixed_pattern: Literal["image", "camera"] = "image"
@@ -31,8 +23,14 @@ class Vis(ConfigSection):
     exposure: float | Pair | None = None
     strength: float | None = None
     full_scale_photons: float | None = None
-    set: dict[str, float | str] = Field(default={})
+    set: dict[str, float | str] = Field(
+        default={}
+    )  # values of the camera by path, which are then not randomised
+    # added to the camera. A number may be a pair [low, high], drawn uniformly for each image; `p` is the share of the images
+    # that have the effect.
     effects: list[dict[str, Any]] = Field(default=[])
+    # white noise that the images carry already (1 is full scale); its variance is taken off the read noise, at the gain of `set`
+    # or `gain_db`, of a pair at its middle
     white_std_present: Share = 0.0
 
     @property

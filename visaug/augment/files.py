@@ -36,39 +36,28 @@ AS_IT_IS = "/as it is"  # follows the hash of a copy without noise of a file tha
 
 @dataclass
 class Augmented:
-    """What a call did.
+    """What a call did."""
 
-    Attributes:
-        written: number of copies written.
-        kept: number of copies that an earlier call with the same settings had made.
-        replaced: how many of the written ones replaced a copy of an earlier call, or with `force` another file.
-        failed: a line for each picture that could not be used.
-        skipped: suffix -> number of files in the folders that are no pictures, and were not carried.
-        excluded: number of pictures that the patterns left out, and that were not carried.
-        assumed: (transfer function, reason) -> number of copies written on that assumption.
-        coloured: number of copies written of colour pictures with noise.
-        clipped: number of floating-point pictures with values outside [0, 1], which a sensor cuts.
-        unlabelled: number of pictures without YOLO labels, where YOLO labels were copied for others.
-        carried: number of other files that were copied as they are, with `labels`.
-        like_labels: reason -> number of files that look like labels and were copied without noise.
-        outputs: folders in which copies of this or an earlier call were passed over; see `visaug.augment.jobs.CopyPlan`.
-        again: inputs that hold nothing but copies of earlier calls.
-    """
-
-    written: int = 0
-    kept: int = 0
-    replaced: int = 0
-    failed: list[str] = field(default_factory=list)
+    written: int = 0  # copies
+    kept: int = 0  # copies that an earlier call with the same settings had made
+    replaced: int = (
+        0  # of the written: those that replaced a copy of an earlier call, or with `force` another file
+    )
+    failed: list[str] = field(default_factory=list)  # a line for each picture that could not be used
+    # suffix -> files in the folders that are no pictures, and were not carried
     skipped: Counter[str] = field(default_factory=Counter)
-    excluded: int = 0
+    excluded: int = 0  # pictures that the patterns left out, and that were not carried
+    # (transfer function, reason) -> copies written on that assumption
     assumed: Counter[tuple[str, str]] = field(default_factory=Counter)
-    coloured: int = 0
-    clipped: int = 0
-    unlabelled: int = 0
-    carried: int = 0
+    coloured: int = 0  # copies written of colour pictures with noise
+    clipped: int = 0  # floating-point pictures with values outside [0, 1], which a sensor cuts
+    unlabelled: int = 0  # pictures without YOLO labels, where YOLO labels were copied for others
+    carried: int = 0  # other files that were copied as they are, with `labels`
+    # reason -> files that look like labels and were copied without noise
     like_labels: Counter[str] = field(default_factory=Counter)
+    # folders in which copies of this or an earlier call were passed over; see `visaug.augment.jobs.CopyPlan`
     outputs: list[Path] = field(default_factory=list)
-    again: list[Path] = field(default_factory=list)
+    again: list[Path] = field(default_factory=list)  # inputs that hold nothing but copies of earlier calls
 
 
 def augment_files(

@@ -13,20 +13,16 @@ from visaug.core.errors import InputError
 
 @dataclass
 class CopyPlan:
-    """Place below the output folder -> original, in the order of names; and what folders held besides.
+    """Place below the output folder -> original, in the order of names; and what folders held besides."""
 
-    Attributes:
-        sources: name of each copy -> its original.
-        others: name -> file that is no picture, or not one of those chosen.
-        outputs: folders of the inputs in which copies of `visaug augment` were passed over: all of a folder below an input, and
-            in an input itself the copies alone.
-        again: inputs that hold nothing but such copies, which are read.
-    """
-
-    sources: dict[str, Path] = field(default_factory=dict)
-    others: dict[str, Path] = field(default_factory=dict)
+    sources: dict[str, Path] = field(default_factory=dict)  # name of each copy -> its original
+    others: dict[str, Path] = field(default_factory=dict)  # name -> no picture, or not one of those chosen
+    # folders of the inputs in which copies of `visaug augment` were passed over: all of a folder below an input, and in an
+    # input itself the copies alone
     outputs: list[Path] = field(default_factory=list)
-    again: list[Path] = field(default_factory=list)
+    again: list[Path] = field(
+        default_factory=list
+    )  # inputs that hold nothing but such copies, which are read
 
 
 def plan_jobs(

@@ -26,19 +26,12 @@ CONDITIONS = ((0, 1.0), (12, 1.0), *((24, share) for share in (1.0, 0.3, 0.1, 0.
 
 @dataclass(frozen=True)
 class NoiseSample:
-    """A camera's noise on a picture.
+    """A camera's noise on a picture."""
 
-    Attributes:
-        name: the camera's.
-        crop: (H, W, 3) uint8, to be shown pixel by pixel.
-        sigma: standard deviation at each of `LEVELS`, in 8-bit levels (0 to 255).
-        conditions: gain and exposure, in words.
-    """
-
-    name: str
-    crop: np.ndarray
-    sigma: tuple[float, ...]
-    conditions: str = ""
+    name: str  # the camera's
+    crop: np.ndarray  # (H, W, 3) uint8, to be shown pixel by pixel
+    sigma: tuple[float, ...]  # standard deviation at each of `LEVELS`, in 8-bit levels (0 to 255)
+    conditions: str = ""  # gain and exposure, in words
 
 
 def sample(
