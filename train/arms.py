@@ -11,9 +11,8 @@ from visaug_train.sections import ConfigSection, Pair, Share
 class Vis(ConfigSection):
     """The sensor noise. What is not said here is as in `visaug.VISNoise`; left out, the camera's own."""
 
-    camera: (
-        str | list[str]
-    )  # a file or shipped name, or a list of these: a population, of which each image gets one
+    # a file or shipped name, or a list of these: a population, of which each image gets one
+    camera: str | list[str]
     p: Share = 1.0
     resolution: Literal["network", "sensor"] = "network"
     fixed_pattern: Literal["image", "camera"] = "image"
@@ -23,12 +22,10 @@ class Vis(ConfigSection):
     exposure: float | Pair | None = None
     strength: float | None = None
     full_scale_photons: float | None = None
-    set: dict[str, float | str] = Field(
-        default={}
-    )  # values of the camera by path, which are then not randomised
+    set: dict[str, float | str] = Field({})  # values of the camera by path, which are then not randomised
     # added to the camera. A number may be a pair [low, high], drawn uniformly for each image; `p` is the share of the images
     # that have the effect.
-    effects: list[dict[str, Any]] = Field(default=[])
+    effects: list[dict[str, Any]] = Field([])
     # white noise that the images carry already (1 is full scale); its variance is taken off the read noise, at the gain of `set`
     # or `gain_db`, of a pair at its middle
     white_std_present: Share = 0.0
@@ -103,7 +100,7 @@ class Arm(ConfigSection):
     erase: batch_noise.RandomErase | None = None
     # the last epochs of a run, trained without all of this, as close_mosaic does for mosaics
     clean_epochs: int = Field(default=0, ge=0)
-    training: dict[str, Any] = Field(default={})
+    training: dict[str, Any] = Field({})
 
     @property
     def camera_files(self) -> list[str]:
