@@ -40,9 +40,7 @@ class Augmented:
 
     written: int = 0  # copies
     kept: int = 0  # copies that an earlier call with the same settings had made
-    replaced: int = (
-        0  # of the written: those that replaced a copy of an earlier call, or with `force` another file
-    )
+    replaced: int = 0  # written ones that replaced a copy of an earlier call, or with `force` another file
     failed: list[str] = field(default_factory=list)  # a line for each picture that could not be used
     # suffix -> files in the folders that are no pictures, and were not carried
     skipped: Counter[str] = field(default_factory=Counter)

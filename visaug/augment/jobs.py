@@ -20,9 +20,7 @@ class CopyPlan:
     # folders of the inputs in which copies of `visaug augment` were passed over: all of a folder below an input, and in an
     # input itself the copies alone
     outputs: list[Path] = field(default_factory=list)
-    again: list[Path] = field(
-        default_factory=list
-    )  # inputs that hold nothing but such copies, which are read
+    again: list[Path] = field(default_factory=list)  # inputs that hold nothing but such copies
 
 
 def plan_jobs(
