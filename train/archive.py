@@ -32,12 +32,7 @@ LISTS = ("camera.json", "train.json")  # of which the uppermost folder of a data
 def prepare_archive(
     archive: str | Path, destination: str | Path | None, progress: Progress | None = None
 ) -> Path:
-    """Unpack an archive (zip, tar, tar.gz ...) into `destination`, or take a folder where it lies; check it, and return its root.
-
-    Raises:
-        InputError: the archive is missing, damaged or of something else; or the destination holds something else, or is
-            missing for an archive.
-    """
+    """Unpack an archive (zip, tar ...) into `destination`, or take a folder where it lies, and check it; its root."""
     archive = Path(archive)
     if archive.is_dir():
         root = find_root(archive)
@@ -75,12 +70,7 @@ def unpack(archive: Path, folder: Path, progress: Progress | None = None) -> Non
             raise InputError(problem, file=archive, expected="a SPEED archive")
         target = folder / path
         if not target.is_file() or target.stat().st_size != size:
-            with (
-                _whole(archive),
-                whole_file(target) as temporary,
-                read() as content,
-                temporary.open("wb") as out,
-            ):
+            with _whole(archive), whole_file(target) as half, read() as content, half.open("wb") as out:
                 shutil.copyfileobj(content, out)
         if progress:
             progress("unpacking", done, total)
@@ -99,14 +89,8 @@ def _root(files: list[PurePosixPath], where: Path) -> PurePosixPath:
     """The uppermost folder among these files that has a reader's layout, or else SPEED's; `synthetic` is a part of SPEED+."""
 
     def roots(marks: Iterable[str]) -> set[PurePosixPath]:
-        """At most three levels down."""
-        lengths = {mark: len(PurePosixPath(mark).parts) for mark in marks}
-        return {
-            path.parents[length - 1]
-            for mark, length in lengths.items()
-            for path in files
-            if path.match(mark) and len(path.parts) - length <= 3
-        }
+        found = [(path, mark.count("/") + 1) for mark in marks for path in files if path.match(mark)]
+        return {path.parents[length - 1] for path, length in found if len(path.parts) - length <= 3}
 
     found = roots(mark for reader in READERS for mark in reader.marks)
     found = found or {root for root in roots(LISTS) if root.name != "synthetic"}
@@ -118,11 +102,8 @@ def _root(files: list[PurePosixPath], where: Path) -> PurePosixPath:
 
 def check(root: Path) -> dict[str, PoseSet]:
     """Read every domain and split, which checks them; those without poses too."""
-    found = {
-        f"{domain}/{split}": read_poses(root, domain, split, labels=False)
-        for domain, splits in domains(root).items()
-        for split in splits
-    }
+    parts = [(domain, split) for domain, splits in domains(root).items() for split in splits]
+    found = {f"{domain}/{split}": read_poses(root, domain, split, labels=False) for domain, split in parts}
     if not any(poses.labelled for poses in found.values()):
         raise InputError("no image has a pose", file=root, expected="train.json with poses")
     return found
@@ -150,8 +131,7 @@ def prepare_dataset(
     unused = archive.is_dir() and output is not None and not (coco or size)
     if unused and not (output.exists() and output.samefile(find_root(archive))):
         problem = f"has no use: {archive} is a folder, and is checked where it lies"
-        expected = "no -o, or --coco or --size, which write beside it"
-        raise InputError(problem, field="-o", expected=expected)
+        raise InputError(problem, field="-o", expected="no -o, or --coco or --size, which write beside it")
     root = prepare_archive(archive, output, progress)
     output = Path(os.path.abspath(root if output is None else output))
     sets = check(root)
@@ -172,9 +152,8 @@ def prepare_dataset(
         folder = output.with_name(f"{output.name}-coco")
         for name, poses in labelled.items():
             files = [file.relative_to(root).as_posix() for file in poses.files]
-            write_json(
-                folder / f"{name.replace('/', '-')}.json", coco_annotations(poses, models[name], files)
-            )
+            content = coco_annotations(poses, models[name], files)
+            write_json(folder / f"{name.replace('/', '-')}.json", content)
         said.append(f"COCO annotations: {folder}")
     if width_height is not None:
         first, *more = _trained(sets, root)
@@ -185,9 +164,8 @@ def prepare_dataset(
         data_yaml = convert(parts, model, place, width_height, progress)
         said.append(f"labels: {data_yaml}")
         if more:
-            said.append(
-                f"note: --size converts the first domain with a train split, {first}; not {', '.join(more)}"
-            )
+            left = ", ".join(more)
+            said.append(f"note: --size converts the first domain with a train split, {first}; not {left}")
     return "\n".join([*said, f"ready: {root}"])
 
 

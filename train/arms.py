@@ -4,33 +4,14 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from visaug_train.batch_noise import (
-    BrightnessContrast,
-    Corruptions,
-    GaussianBlur,
-    GaussianNoise,
-    IsoNoise,
-    RandConv,
-    RandomErase,
-    RandomMotionBlur,
-    SunFlare,
-)
+from visaug_train import batch_noise
 from visaug_train.sections import ConfigSection, Pair, Share
 
 
 class Vis(ConfigSection):
-    """The sensor noise.
+    """The sensor noise. What is not said here is as in `visaug.VISNoise`; left out, the camera's own."""
 
-    Attributes:
-        camera: a camera's file or shipped name, or a list of these: a population, of which each image gets one.
-        set: values of the camera by path, which are then not randomised.
-        effects: added to the camera. A number may be a pair [low, high], drawn uniformly for each image; `p` is the
-            share of the images that have the effect.
-        gain_db, exposure, strength, full_scale_photons: as in `visaug.VISNoise`; left out, the camera's own.
-        white_std_present: white noise that the images carry already (1 is full scale); its variance is taken off the
-            read noise, at the gain of `set` or `gain_db`, of a pair at its middle.
-    """
-
+    # a file or shipped name, or a list of these: a population, of which each image gets one
     camera: str | list[str]
     p: Share = 1.0
     resolution: Literal["network", "sensor"] = "network"
@@ -41,13 +22,16 @@ class Vis(ConfigSection):
     exposure: float | Pair | None = None
     strength: float | None = None
     full_scale_photons: float | None = None
-    set: dict[str, float | str] = Field(default={})
-    effects: list[dict[str, Any]] = Field(default=[])
+    set: dict[str, float | str] = Field({})  # values of the camera by path, which are then not randomised
+    # added to the camera. A number may be a pair [low, high], drawn uniformly for each image; `p` is the share of the images
+    # that have the effect.
+    effects: list[dict[str, Any]] = Field([])
+    # white noise that the images carry already (1 is full scale); its variance is taken off the read noise, at the gain of `set`
+    # or `gain_db`, of a pair at its middle
     white_std_present: Share = 0.0
 
     @property
     def cameras(self) -> list[str]:
-        """The population's files or names."""
         return [self.camera] if isinstance(self.camera, str) else self.camera
 
     @field_validator("camera")
@@ -103,20 +87,20 @@ class Arm(ConfigSection):
 
     like: str | None = None
     why: str | None = None
-    sun_flare: SunFlare | None = None
-    motion_blur: RandomMotionBlur | None = None
-    blur: GaussianBlur | None = None
+    sun_flare: batch_noise.SunFlare | None = None
+    motion_blur: batch_noise.RandomMotionBlur | None = None
+    blur: batch_noise.GaussianBlur | None = None
     vis: Vis | None = None
     white: White | None = None
-    gaussian: GaussianNoise | None = None
-    iso_noise: IsoNoise | None = None
-    brightness_contrast: BrightnessContrast | None = None
-    randconv: RandConv | None = None
-    corruptions: Corruptions | None = None
-    erase: RandomErase | None = None
+    gaussian: batch_noise.GaussianNoise | None = None
+    iso_noise: batch_noise.IsoNoise | None = None
+    brightness_contrast: batch_noise.BrightnessContrast | None = None
+    randconv: batch_noise.RandConv | None = None
+    corruptions: batch_noise.Corruptions | None = None
+    erase: batch_noise.RandomErase | None = None
     # the last epochs of a run, trained without all of this, as close_mosaic does for mosaics
     clean_epochs: int = Field(default=0, ge=0)
-    training: dict[str, Any] = Field(default={})
+    training: dict[str, Any] = Field({})
 
     @property
     def camera_files(self) -> list[str]:

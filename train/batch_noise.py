@@ -21,7 +21,6 @@ class BatchAugmentation(ConfigSection):
     p: Share = 0.5
 
     def __call__(self, images: Tensor) -> Tensor:
-        """The images, a share of them changed."""
         changed = self.change(images).clamp(0, 1)
         return torch.where(chosen(self.p, images), changed, images)
 
@@ -185,8 +184,7 @@ class Corruptions(BatchAugmentation):
     def change(self, images: Tensor) -> Tensor:
         corruptions = (_contrast, _pixelate, _posterize, _impulse, _speckle, _defocus)
         kinds = torch.randint(len(corruptions), (len(images),)).tolist()
-        severity = uniform(images, self.severity).flatten().tolist()
-        drawn = zip(images, kinds, severity)
+        drawn = zip(images, kinds, uniform(images, self.severity).flatten().tolist())
         return torch.cat([corruptions[kind](image[None], s) for image, kind, s in drawn])
 
 

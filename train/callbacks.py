@@ -14,6 +14,7 @@ ones ran in the same process.
 import os
 import random
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,6 @@ from torch import nn
 from visaug.core.cores import cores
 from visaug.core.errors import InputError
 from visaug.core.files import whole_file, write_bytes, write_text
-from visaug.core.progress import Progress
 
 STATE, BEST = "resume.pt", "resume-best.pt"
 
@@ -67,38 +67,35 @@ def finish(folder: Path, state: dict[str, Any]) -> None:
     weights = folder / "weights"
     best = weights / BEST if (weights / BEST).is_file() else weights / STATE
     for source, name in ((weights / STATE, "last.pt"), (best, "best.pt")):
+        kept = {"train_results": state.get("train_results")}
         with whole_file(weights / name) as temporary:
-            strip_optimizer(
-                str(source), str(temporary), updates={"train_results": state.get("train_results")}
-            )
+            strip_optimizer(str(source), str(temporary), updates=kept)
 
 
 def forget(folder: Path) -> None:
-    """Remove the checkpoints of a finished run."""
     for name in (STATE, BEST):
         (folder / "weights" / name).unlink(missing_ok=True)
 
 
 class Checkpoints:
-    """Callbacks of one training that keep its state.
+    """Callbacks of one training that keep its state, resume from the checkpoint `state`, and `tell` the batches done and all."""
 
-    Args:
-        seed: of the training.
-        state: the checkpoint to resume from; None for a new training.
-    """
-
-    def __init__(self, seed: int, state: dict[str, Any] | None = None) -> None:
-        self.seed, self.exact = seed, (state or {}).get("exact")
+    def __init__(
+        self, seed: int, state: dict[str, Any] | None = None, tell: Callable[[int, int], None] | None = None
+    ) -> None:
+        self.seed, self.exact, self.tell = seed, (state or {}).get("exact"), tell
         self.seconds_before = self.exact["seconds"] if self.exact else 0.0
         self.began = time.monotonic()
         self.last_step, self.batch, self.epoch = -1, -1, -1
 
     def attach(self, model: Any) -> None:
-        """Follow a training of this model."""
         for event in filter(lambda name: name.startswith("on_"), dir(self)):
             model.add_callback(event, getattr(self, event))
 
     def on_train_start(self, trainer: Any) -> None:
+        # ultralytics leaves one core idle on a CPU, which costs a fifth of the speed on two.
+        if trainer.device.type == "cpu" and "OMP_NUM_THREADS" not in os.environ:
+            torch.set_num_threads(cores())
         # ultralytics counts from the start of the process when to step; here the count outlives it.
         trainer.optimizer_step = lambda: None
         if self.exact is None:
@@ -137,6 +134,8 @@ class Checkpoints:
         if number - self.last_step >= trainer.accumulate:
             type(trainer).optimizer_step(trainer)
             self.last_step = number
+        if self.tell:
+            self.tell(number + 1, trainer.epochs * len(trainer.train_loader))
 
     def on_model_save(self, trainer: Any) -> None:
         weights = Path(trainer.wdir)
@@ -175,29 +174,3 @@ def keep_batch(batch: int, trainer: Any) -> None:
     if trainer.batch_size != batch:
         problem = f"{batch} images do not fit into the memory of this device"
         raise InputError(problem, field="training.batch", expected="fewer")
-
-
-def follow(model: Any, title: str, progress: Progress | None) -> None:
-    """A CPU training uses all cores; progress is reported per batch."""
-
-    def use_all_cores(trainer: Any) -> None:
-        # ultralytics leaves one core idle on a CPU, which costs a fifth of the speed on two.
-        if trainer.device.type == "cpu" and "OMP_NUM_THREADS" not in os.environ:
-            torch.set_num_threads(cores())
-
-    model.add_callback("on_train_start", use_all_cores)
-    if progress is None:
-        return
-    batches = 0
-
-    def started(trainer: Any) -> None:
-        nonlocal batches
-        batches = trainer.start_epoch * len(trainer.train_loader)
-
-    def advance(trainer: Any) -> None:
-        nonlocal batches
-        batches += 1
-        progress(title, batches, trainer.epochs * len(trainer.train_loader))
-
-    model.add_callback("on_train_start", started)
-    model.add_callback("on_train_batch_end", advance)

@@ -23,17 +23,8 @@ from visaug_train.studies.target import check_cameras
 
 Say = Callable[[str], None]
 A_NETWORK = "a pose network, such as yolov8n-pose.yaml"
-OPTIMIZERS = (
-    "auto",
-    "Adam",
-    "Adamax",
-    "AdamW",
-    "NAdam",
-    "RAdam",
-    "RMSprop",
-    "SGD",
-    "MuSGD",
-)  # of ultralytics
+# of ultralytics
+OPTIMIZERS = ("auto", "Adam", "Adamax", "AdamW", "NAdam", "RAdam", "RMSprop", "SGD", "MuSGD")
 
 
 def check_apart(parts: dict[str, PoseSet], tests: dict[str, PoseSet]) -> None:
@@ -51,10 +42,7 @@ def check_apart(parts: dict[str, PoseSet], tests: dict[str, PoseSet]) -> None:
 def check_target(source: str, keypoints: Keypoints, trained: PoseSet, poses: PoseSet) -> None:
     """Refuse images of another spacecraft than the one whose points a network was trained to find.
 
-    Args:
-        source: the config's `keypoints`. A file's points are taken for any spacecraft.
-        keypoints: the points that the network finds.
-        trained, poses: the training images, and those that it is to be scored on.
+    `source` is the config's `keypoints`: a file's points are taken for any spacecraft.
     """
     if source != "tango" or (poses.keypoints is None and poses.spacecraft == trained.spacecraft):
         return
@@ -66,10 +54,8 @@ def check_target(source: str, keypoints: Keypoints, trained: PoseSet, poses: Pos
 
 
 def check_arms(config: Config, announce: Say | None = None) -> None:
-    """Refuse, before any training, what could not be trained; `announce` gets a line for what this device does differently.
-
-    Raises:
-        InputError: an invalid camera, or training arguments of an arm that are invalid or that this device cannot follow.
+    """Refuse, before any training, cameras and training arguments that are invalid or that this device cannot follow;
+    `announce` gets a line for what it does differently.
     """
     hidden_cameras(config)
     check_cameras(config)
@@ -104,11 +90,7 @@ def check_arms(config: Config, announce: Say | None = None) -> None:
 
 
 def check_network(model: str) -> None:
-    """Refuse what ultralytics makes no pose network of.
-
-    Raises:
-        InputError: no such file, one that cannot be read as a network, or a network of another task.
-    """
+    """Refuse what ultralytics makes no pose network of: no file or no network, or a network of another task."""
     from ultralytics import YOLO
     from ultralytics.nn.tasks import yaml_model_load
 
@@ -117,8 +99,7 @@ def check_network(model: str) -> None:
             yaml_model_load(model)
         except (OSError, AssertionError):  # the latter for another suffix
             expected = "a YAML such as yolov8n-pose.yaml, or the file of trained weights (NAME.pt)"
-            problem = f"no such network: {model}"
-            raise InputError(problem, field="model", expected=expected) from None
+            raise InputError(f"no such network: {model}", field="model", expected=expected) from None
         except Exception:
             raise InputError(f"{model} is no network", field="model", expected=A_NETWORK) from None
     try:
@@ -135,11 +116,7 @@ def check_network(model: str) -> None:
 
 
 def start_weights(start: Start) -> bytes:
-    """The safetensors file that all runs start from.
-
-    Raises:
-        InputError: no such file, or another SHA-256 than the config's.
-    """
+    """The safetensors file that all runs start from; refused with another SHA-256 than the config's."""
     file = Path(str(start.weights))
     if not file.is_file():
         raise InputError("no such file", file=file, field="start.weights", expected="a safetensors file")
@@ -150,10 +127,8 @@ def start_weights(start: Start) -> bytes:
 
 
 def check_device(given: Sequence[dict[str, Any]], say: Say | None = None) -> None:
-    """Refuse arguments of runs that this device cannot follow; `say` gets a line where bf16 is off (see `followed`).
-
-    Raises:
-        InputError: a device that is not there, or a batch size that would be chosen by the device's memory.
+    """Refuse a device that is not there, and a batch size that would be chosen by its memory; `say` gets a line where bf16 is
+    off (see `followed`).
     """
     for arguments in given:
         batch = arguments.get("batch", 16)
@@ -194,11 +169,11 @@ def has_bf16(device: Any) -> bool:
     return selected(device).type == "cuda" and torch.cuda.is_bf16_supported(including_emulation=False)
 
 
-def cost(config: Config, images: int, arms: Sequence[str] | None = None) -> str:
+def cost(config: Config, images: int, arms: Sequence[str] = ()) -> str:
     """How long the training of all runs (of `arms`: with the first seed) takes, in a sentence: `images` times the seconds that
     the network takes for one on this device.
     """
-    names, seeds = (config.arms, len(config.seeds)) if arms is None else (arms, 1)
+    names, seeds = (arms, 1) if arms else (config.arms, len(config.seeds))
     epochs = [config.arguments(name).get("epochs", 100) for name in names]
     total = images * (seeds * sum(epochs) + ((config.start and config.start.epochs) or 0))
     device = selected(config.training.get("device"))
@@ -225,9 +200,8 @@ def seconds_per_image(config: Config, device: torch.device) -> float:
     for parameter in network.parameters():
         parameter.requires_grad_(True)
     on_gpu = device.type == "cuda"
-    batch = torch.zeros(
-        16 if on_gpu else 2, 3, side, side, device=device
-    )  # enough to fill a GPU; seconds on a CPU
+    # enough to fill a GPU; seconds on a CPU
+    batch = torch.zeros(16 if on_gpu else 2, 3, side, side, device=device)
     seconds = []
     for _ in range(3):
         began = time.perf_counter()

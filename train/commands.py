@@ -13,6 +13,8 @@ from visaug.camera import Camera
 from visaug.core.errors import InputError, PartlyFailed
 from visaug.core.files import folder_lock
 from visaug.core.progress import Progress
+from visaug_train import predictions as files
+from visaug_train import training
 from visaug_train.checks import check_arms, check_target
 from visaug_train.config import Config, load_config
 from visaug_train.convert import identity
@@ -21,21 +23,12 @@ from visaug_train.evaluate import evaluate as score
 from visaug_train.evaluate import evaluate_poses, pose_of
 from visaug_train.geometry import Keypoints
 from visaug_train.metrics import Detections
-from visaug_train.predictions import (
-    ImageNames,
-    load_poses,
-    load_predictions,
-    names_elsewhere,
-    save_poses,
-    save_submission,
-)
 from visaug_train.readings import point_readings
 from visaug_train.results import ablate as run_ablation
-from visaug_train.scoring import evaluate_run, other_summaries, other_weights, predictions_of, predictor
 from visaug_train.severity import severity
 from visaug_train.speed import PoseSet
 from visaug_train.strength import strengths
-from visaug_train.training import Run, Study, prepare, run_folder, train_run
+from visaug_train.training import Run, Study, prepare, train_run
 
 
 def train(config_path: Path, seed: int = 0, progress: Progress | None = None, arm: str | None = None) -> str:
@@ -50,11 +43,7 @@ def train(config_path: Path, seed: int = 0, progress: Progress | None = None, ar
 
 
 def ablate(config_path: Path, seed: int = 0, progress: Progress | None = None) -> str:
-    """Train and score all arms; writes tables and report into the config's output; what to print.
-
-    Raises:
-        PartlyFailed: with what to print, where a run failed.
-    """
+    """Train and score all arms, and write tables and report; what to print, raised as PartlyFailed where a run failed."""
     from visaug_train.report import write_report
 
     config = _seeded(config_path, seed)
@@ -64,7 +53,7 @@ def ablate(config_path: Path, seed: int = 0, progress: Progress | None = None) -
         report = write_report(ablation)
     lines = [table.to_markdown() for table in ablation.tables().values()]
     lines += [f"failed: {f.arm}, seed {f.seed}: {f.error}" for f in ablation.failures]
-    text = "\n".join([*lines, f"{ablation.interval_covers}", f"tables: {written}", f"report: {report}"])
+    text = "\n".join([*lines, ablation.interval_covers, f"tables: {written}", f"report: {report}"])
     if ablation.failures:
         raise PartlyFailed(text)
     return text
@@ -78,16 +67,13 @@ def evaluate(
     elsewhere: tuple[Path, str, str | None] | None = None,
     poses_csv: Path | None = None,
 ) -> dict[str, dict[str, Any]]:
-    """Scores by domain of an arm of a config, the last one where none is named, whose network must be trained.
+    """Scores by domain of an arm of a config, the last one where none is named, whose network must be trained: if not, nothing
+    is rendered or written.
 
     Args:
-        config_path, seed, arm: which network.
         elsewhere: folder, domain and split of another set than the config's test sets; the config's `split_seed` splits
             it too.
         poses_csv: where to write the poses of that set.
-
-    Raises:
-        InputError: it is not trained; nothing is rendered or written then.
     """
     study, run = _trained(config_path, seed, progress, arm)
     own = study.tests
@@ -95,24 +81,24 @@ def evaluate(
         poses = read_poses(*elsewhere, seed=study.config.data.split_seed, labels=False)
         check_target(study.config.data.keypoints, study.keypoints, study.training_images, poses)
         if not poses.labelled:
-            detections = predictions_of(study, run, poses.domain, poses, progress)
+            detections = training.predictions_of(study, run, poses.domain, poses, progress)
             return {poses.domain: submission(poses, study.keypoints, detections, poses_csv)}
         study = replace(study, tests={poses.domain: poses})
-    evaluations, folder = evaluate_run(study, run, progress), run.folder
+    evaluations, folder = training.evaluate_run(study, run, progress), run.folder
     for domain, evaluation in evaluations.items():
         name = domain
         if domain in own and (found := identity(evaluation.poses)) != identity(own[domain]):
             # the name is that of a test set of the config, whose files stay
             name += "-" + hashlib.sha256(str(found).encode()).hexdigest()[:8]
         evaluation.write_csv(folder / f"{name}.csv")
-        save_poses(folder / f"{name}-poses.csv", evaluation.poses, evaluation.found)
+        files.save_poses(folder / f"{name}-poses.csv", evaluation.poses, evaluation.found)
         if poses_csv is not None:
-            save_poses(poses_csv, evaluation.poses, evaluation.found)
+            files.save_poses(poses_csv, evaluation.poses, evaluation.found)
     weights = study.config.weights
-    others = other_summaries(study, run, progress)
+    others = training.other_summaries(study, run, progress)
     return {
         domain: {**evaluation.summary(), "weights": weights}
-        | ({other_weights(weights): others[domain]} if domain in others else {})
+        | ({training.other_weights(weights): others[domain]} if domain in others else {})
         for domain, evaluation in evaluations.items()
     }
 
@@ -132,8 +118,6 @@ def evaluate_predictions(
     Args:
         predictions: COCO's results of keypoints, or poses as Kelvins takes them (NAME.csv). What they do not hold has no
             score (None): boxes where records have no `bbox`, boxes and keypoints of poses.
-        data, domain, split: the set.
-        keypoints: the model that the keypoints belong to.
         images: COCO's annotations file, for records with `image_id`.
         poses_csv: where to write the poses that the keypoints give. Of images without labels that is all there is to do:
             every image gets a line, as a submission to Kelvins needs it.
@@ -144,24 +128,23 @@ def evaluate_predictions(
     """
     poses = read_poses(data, domain, split, seed, labels=False)
     points = keypoints_of(keypoints, poses)
-    names = ImageNames(poses, names_elsewhere(data, poses), data)
+    names = files.ImageNames(poses, files.names_elsewhere(data, poses), data)
     notes: list[str] = []
     if Path(predictions).suffix.lower() == ".csv":
-        evaluation = evaluate_poses(poses, points, load_poses(predictions, poses, names, notes.append))
+        evaluation = evaluate_poses(poses, points, files.load_poses(predictions, poses, names, notes.append))
         names.note(notes.append)
     else:
-        detections = load_predictions(predictions, poses, len(points), images, names, notes.append)
+        detections = files.load_predictions(predictions, poses, len(points), images, names, notes.append)
         names.note(notes.append)
         if not poses.labelled:
             said = submission(poses, points, detections, poses_csv)
             return {domain: said | {"notes": [*notes, *said["notes"]]}}
-        targets = poses.targets(points)
-        detections = point_readings(detections, targets, poses.camera.size, notes.append)
+        detections = point_readings(detections, poses.targets(points), poses.camera.size, notes.append)
         evaluation = score(domain, poses, points, detections)
         if "iou" not in evaluation.table:
             notes.append("boxes are not scored, for not every record has a bbox")
     if poses_csv is not None and poses.posed:
-        save_poses(poses_csv, poses, evaluation.found)
+        files.save_poses(poses_csv, poses, evaluation.found)
     return {domain: evaluation.summary() | {"notes": notes}}
 
 
@@ -173,12 +156,11 @@ def submission(
         problem = f"{poses.name} has no labels, so there is nothing to score"
         raise InputError(problem, field="--poses", expected="the CSV to write for a submission")
     if not np.isfinite(keypoints.points_m).all():
-        problem = (
-            f"{poses.name} does not say where on the spacecraft its points are, so no pose follows from them"
-        )
+        problem = f"{poses.name} does not say where on the spacecraft its points are"
+        problem += ", so no pose follows from them"
         raise InputError(problem, field="keypoints", expected="a YAML file with points_m in metres")
     count = len(poses)
-    missing = save_submission(path, poses, [pose_of(each, keypoints, poses) for each in detections])
+    missing = files.save_submission(path, poses, [pose_of(each, keypoints, poses) for each in detections])
     note = f"{missing} of {count} images have no pose of their own; they got the median position, unrotated"
     return {"images": count, "poses_found": 1 - missing / count, "notes": [note] if missing else []}
 
@@ -200,7 +182,7 @@ def severity_curves(
         poses = read_poses(*elsewhere, seed=study.config.data.split_seed)
         check_target(study.config.data.keypoints, study.keypoints, study.training_images, poses)
     network = hashlib.sha256(run.weights.read_bytes()).hexdigest()
-    predict, measured = predictor(study, run, run.weights), Camera.load(camera)
+    predict, measured = training.predictor(study, run, run.weights), Camera.load(camera)
     severity(poses, study.keypoints, predict, measured, output, axes or None, network, seed, progress)
     return f"curves: {output / 'severity.csv'}, {output / 'severity.png'}"
 
@@ -209,15 +191,12 @@ def _trained(config_path: Path, seed: int, progress: Progress | None, arm: str |
     """The study and the run of an arm; an InputError where it is not trained, before anything is rendered or written."""
     config = load_config(config_path)
     arm, first = _arm(config, arm), config.seeds[0] + seed
-    missing = InputError(
-        f"arm {arm}, seed {first} is not trained",
-        file=config_path,
-        expected=f"visaug train {config_path} --arm {arm}, or visaug ablate {config_path}, first",
-    )
+    expected = f"visaug train {config_path} --arm {arm}, or visaug ablate {config_path}, first"
+    missing = InputError(f"arm {arm}, seed {first} is not trained", file=config_path, expected=expected)
     if not any((config.output / "runs").glob(f"{arm}-seed{first}-*/run.json")):
         raise missing
     study = prepare(_seeded(config_path, seed), progress)
-    folder = run_folder(study, arm, first)
+    folder = training.run_folder(study, arm, first)
     if not (folder / "run.json").is_file():  # trained, but with other settings
         raise missing
     return study, train_run(study, arm, first, progress)

@@ -168,7 +168,6 @@ class Config(ConfigSection):
         return self.data.image_size or fitting(camera, self.training.get("imgsz", 640))
 
     def arguments(self, arm: str) -> dict[str, Any]:
-        """ultralytics' training arguments of an arm."""
         return {**self.training, **self.arm(arm).training}
 
 
@@ -180,8 +179,7 @@ RESERVED |= {"pretrained", "plots"}
 def load_config(path: str | Path) -> Config:
     """Read and check a config; paths in it are relative to the working directory, cameras and networks also to the config."""
     path = Path(path)
-    content = _extended(path)
-    config = check_config(content, path)
+    config = check_config(_extended(path), path)
     config.model = _beside(path, config.model)
     if config.start and config.start.weights:
         config.start.weights = _beside(path, config.start.weights)

@@ -21,7 +21,7 @@ from visaug.core.errors import InputError
 from visaug.core.files import write_bytes, write_json, write_text, write_yaml
 from visaug.core.progress import Progress
 from visaug_train.geometry import Keypoints, Pinhole
-from visaug_train.reduction import read_image, reduced, write_png
+from visaug_train.reduction import Size, read_image, reduced, write_png
 from visaug_train.speed import PoseSet
 
 
@@ -29,7 +29,7 @@ def convert(
     parts: dict[str, PoseSet],
     keypoints: Keypoints,
     destination: str | Path,
-    size: tuple[int, int] | None = None,
+    size: Size | None = None,
     progress: Progress | None = None,
     reduce: str = "area",
     channels: int = 3,
@@ -42,6 +42,7 @@ def convert(
     destination = Path(destination)
     beside, flip = destination.resolve().parent, list(keypoints.flip or ())
     known = np.isfinite(keypoints.points_m).all()
+    links = {name: _way(poses.files[0].parent, destination, beside) for name, poses in parts.items()}
     described = {
         "keypoints": keypoints.points_m.tolist() if known else list(keypoints.names),
         **({"flip": flip} if flip else {}),
@@ -49,10 +50,7 @@ def convert(
         "reduce": reduce,
         "channels": channels,
         "parts": {name: identity(poses) for name, poses in parts.items()},
-        # Copies stand for themselves; links lead somewhere.
-        "linked": None
-        if size
-        else {name: _way(poses.files[0].parent, destination, beside) for name, poses in parts.items()},
+        "linked": None if size else links,  # copies stand for themselves
     }
     data_yaml = destination / "data.yaml"
     content = {
@@ -102,8 +100,7 @@ def _check_names(part: str, poses: PoseSet) -> None:
     """Refuse images whose copies would have one name; ultralytics finds a label by that name without its suffix."""
     first: dict[str, Path] = {}
     for file, name in zip(poses.files, poses.ids):
-        other = first.setdefault(Path(name.replace("/", "-")).stem, file)
-        if other is not file:
+        if (other := first.setdefault(Path(name.replace("/", "-")).stem, file)) is not file:
             problem = f"would have the label of {other} in {part}"
             raise InputError(problem, file=file, expected="names that differ before the suffix")
 
@@ -116,10 +113,9 @@ def label_lines(poses: PoseSet, keypoints: Keypoints) -> list[str]:
     boxes = np.concatenate([(low + high) / 2, high - low], axis=1)
     points = np.where(targets.inside[..., None], targets.points / size, 0.0)
     rows = np.concatenate([points, 2.0 * targets.inside[..., None]], axis=2).reshape(len(poses), -1)
-    return [
-        " ".join(["0", *(f"{value:.6f}" for value in (*box, *row))]) + "\n" if seen else ""
-        for seen, box, row in zip(targets.seen, boxes, rows)
-    ]
+    numbers = np.concatenate([boxes, rows], axis=1)
+    lines = [" ".join(["0", *(f"{value:.6f}" for value in row)]) for row in numbers]
+    return [line + "\n" if seen else "" for seen, line in zip(targets.seen, lines)]
 
 
 def coco_annotations(poses: PoseSet, keypoints: Keypoints, files: Sequence[str]) -> dict[str, Any]:
@@ -183,13 +179,7 @@ def identity(poses: PoseSet) -> dict:
 
 
 def _copy(
-    folder: Path,
-    beside: Path,
-    camera: Pinhole,
-    size: tuple[int, int] | None,
-    reduce: str,
-    file: Path,
-    name: str,
+    folder: Path, beside: Path, camera: Pinhole, size: Size | None, reduce: str, file: Path, name: str
 ) -> Path:
     """A copy of an image, or a link to it."""
     target = folder / name.replace("/", "-")  # ultralytics finds a label by its image's name alone

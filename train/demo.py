@@ -156,8 +156,7 @@ def run_ablation(
     output: str | Path, seed: int = 0, progress: Progress | None = None, full: bool = False
 ) -> Ablation:
     """Diagnose, render, train the arms, score them on the test sets; goes on where it was stopped."""
-    config = with_diagnosed(demo_config(output, seed, full), seed, progress)
-    ablation = ablate(config, progress)
+    ablation = ablate(with_diagnosed(demo_config(output, seed, full), seed, progress), progress)
     ablation.write(Path(output) / "tables")
     return ablation
 
@@ -195,12 +194,8 @@ def run_demo(
         with timed("a second hidden effect"):
             sections += hidden_effect_sections(output / "hidden_effect", seed, progress)
     sections.append(timing_section(ablation, seconds))
-    page = Page(
-        "Sensor noise as augmentation: the demonstration",
-        " ".join(said),
-        sections,
-        footer=footer(None, None, seed),
-    )
+    title = "Sensor noise as augmentation: the demonstration"
+    page = Page(title, " ".join(said), sections, footer=footer(None, None, seed))
     return write_page(output / "report.html", page), said
 
 
@@ -229,19 +224,13 @@ def finding(ablation: Ablation, output: Path, seed: int = 0) -> list[str]:
 
 
 def _first_screen(ablation: Ablation) -> Section:
-    """The finding as a picture."""
-    points = {
-        domain: {arm: ablation.of_seeds(arm, domain, "oks_coco") for arm in ablation.means}
-        for domain in ablation.study.tests
-    }
-    caption = (
-        "Mean OKS (COCO's) on each test set: bars are means over the trainings, dots the single trainings."
-    )
-    return Section("The finding", [figure(plot_scores(points, "mean OKS (COCO)"), caption)])
+    arms, domains = ablation.means, ablation.study.tests
+    points = {d: {arm: ablation.of_seeds(arm, d, "oks_coco") for arm in arms} for d in domains}
+    text = "Mean OKS (COCO's) on each test set: bars are means over the trainings, dots the single trainings."
+    return Section("The finding", [figure(plot_scores(points, "mean OKS (COCO)"), text)])
 
 
 def _story(output: Path, seed: int) -> list[Section]:
-    """The diagnosis of the lightbox-like camera."""
     found, answer = diagnosed_camera(output, seed)
     stated = visaug.Camera.load(data_sheet(LIGHTBOX_CAMERA, NAME, RESOLUTION))
     return story_sections(stated, take_frames(LIGHTBOX_CAMERA, RESOLUTION, seed), answer, found, seed)

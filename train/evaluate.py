@@ -1,6 +1,7 @@
 """Score predictions on a test set: means, AP, pose errors; image by image and as the summary of a domain."""
 
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,16 +10,9 @@ import numpy as np
 
 from visaug.core.errors import InputError
 from visaug.core.files import write_text
+from visaug_train import metrics
 from visaug_train.geometry import Keypoints, Targets, rotation_matrix
-from visaug_train.metrics import (
-    BOXES_PER_IMAGE,
-    DEFINITIONS,
-    KEYPOINT_SETS_PER_IMAGE,
-    Detections,
-    PrecisionTable,
-    box_iou,
-    keypoint_similarity,
-)
+from visaug_train.metrics import Detections, PrecisionTable, box_iou, keypoint_similarity
 from visaug_train.pose import FLOORED_DOMAINS, estimate_pose, pose_errors, spec_score
 from visaug_train.predictions import Pose
 from visaug_train.speed import PoseSet
@@ -77,9 +71,9 @@ class Evaluation:
         return {
             "images": len(self.poses),
             "iou": mean("iou"),
-            "oks": {name: mean(f"oks_{name}") for name in DEFINITIONS},
+            "oks": {name: mean(f"oks_{name}") for name in metrics.DEFINITIONS},
             "box_ap50_95": precision("box"),
-            "keypoint_ap50_95": {name: precision(name) for name in DEFINITIONS},
+            "keypoint_ap50_95": {name: precision(name) for name in metrics.DEFINITIONS},
             **errors,
             "poses_found": mean("pose_found"),
             "answered": {name: mean(f"answered_{name}") if answered else None for name in ANSWERED},
@@ -113,7 +107,6 @@ def weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
 
 
 def evaluate_poses(poses: PoseSet, keypoints: Keypoints, found: list[Pose | None]) -> Evaluation:
-    """Score poses alone."""
     if not poses.posed:
         raise InputError(f"{poses.name} has no poses, so there is nothing to score")
     targets = poses.targets(keypoints)
@@ -125,11 +118,9 @@ def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list
     targets = poses.targets(keypoints)
     shown = list(zip(detections, targets.boxes, targets.points, targets.inside))
     similarities = {"box": [box_iou(each.boxes, box) for each, box, *_ in shown]}
-    for name in DEFINITIONS:
-        similarities[name] = [
-            keypoint_similarity(each.points, points, inside, box, name, keypoints.sigmas)
-            for each, box, points, inside in shown
-        ]
+    for name in metrics.DEFINITIONS:
+        of = partial(keypoint_similarity, definition=name, sigmas=keypoints.sigmas)
+        similarities[name] = [of(each.points, points, inside, box) for each, box, points, inside in shown]
     scores = [each.scores for each in detections]
     visible = np.asarray(targets.inside.any(axis=1))
 
@@ -144,23 +135,16 @@ def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list
         "score": likeliest(scores),
         "distance_m": np.linalg.norm(poses.translations, axis=1),
         "aspect_deg": _aspect_deg(poses),
-        "brightness": np.array(
-            [_brightness(*each) for each in zip(poses.files, targets.boxes, targets.seen)]
-        ),
+        "brightness": np.array(list(map(_brightness, poses.files, targets.boxes, targets.seen))),
     }
     found = [pose_of(each, keypoints, poses) for each in detections] if poses.posed else []
     if poses.posed:
         table |= _of_poses(found, poses, targets.seen)
     if not all(np.isfinite(each.boxes).all() for each in detections):
         del similarities["box"], table["iou"]
-    precision = {}
-    for name, values in similarities.items():
-        ignored, most = (
-            (np.zeros(len(poses), bool), BOXES_PER_IMAGE)
-            if name == "box"
-            else (~visible, KEYPOINT_SETS_PER_IMAGE)
-        )
-        precision[name] = PrecisionTable(scores, values, targets.seen, ignored, most)
+    counting = dict.fromkeys(metrics.DEFINITIONS, (~visible, metrics.KEYPOINT_SETS_PER_IMAGE))
+    counting["box"] = np.zeros(len(poses), bool), metrics.BOXES_PER_IMAGE
+    precision = {n: PrecisionTable(scores, v, targets.seen, *counting[n]) for n, v in similarities.items()}
     return Evaluation(domain, poses, targets, detections, table, precision, found)
 
 
@@ -173,15 +157,12 @@ def pose_of(each: Detections, keypoints: Keypoints, poses: PoseSet) -> Pose | No
 
 
 def _of_poses(found: list[Pose | None], poses: PoseSet, seen: np.ndarray) -> dict[str, np.ndarray]:
-    """Columns of poses."""
     answered = np.array([pose is not None for pose in found])
     given = np.array([np.full(7, np.nan) if pose is None else np.concatenate(pose) for pose in found])
     exact = pose_errors(given[:, :4], given[:, 4:], poses.quaternions, poses.translations)
-    off, turned_deg = (np.where(seen, errors, np.nan) for errors in exact)
+    off, turned_deg = found_errors = [np.where(seen, errors, np.nan) for errors in exact]
     # fmin passes over the NaN of an image without an answer
-    position, attitude_deg = (
-        np.where(seen, np.fmin(errors, most), np.nan) for errors, most in zip((off, turned_deg), NO_POSE)
-    )
+    position, attitude_deg = (np.where(seen, np.fmin(*each), np.nan) for each in zip(found_errors, NO_POSE))
     floors = poses.domain in FLOORED_DOMAINS
     without_limit = (off, turned_deg, spec_score(off, turned_deg, floors))
     return {

@@ -29,7 +29,6 @@ class Pinhole:
 
     @classmethod
     def load(cls, path: str | Path) -> "Pinhole":
-        """Read SPEED's or SPEED+'s camera.json."""
         path = Path(path)
         content = read_json(path)
         if not isinstance(content, dict):
@@ -61,16 +60,11 @@ class Pinhole:
     def to_json(self) -> dict[str, Any]:
         """In SPEED+'s layout; fx and fy in metres for a pitch of 5.86 um at 1920 pixels."""
         pitch, matrix = 5.86e-6 * 1920 / self.width, self.matrix.tolist()
+        (fx, _, cx), (_, fy, cy), _ = matrix
         return {
             **{"Nu": self.width, "Nv": self.height, "ppx": pitch, "ppy": pitch},
-            **{
-                "fx": matrix[0][0] * pitch,
-                "fy": matrix[1][1] * pitch,
-                "ccx": matrix[0][2],
-                "ccy": matrix[1][2],
-            },
-            "cameraMatrix": self.matrix.tolist(),
-            "distCoeffs": self.distortion.tolist(),
+            **{"fx": fx * pitch, "fy": fy * pitch, "ccx": cx, "ccy": cy},
+            **{"cameraMatrix": matrix, "distCoeffs": self.distortion.tolist()},
         }
 
     def scaled(self, width: int, height: int) -> "Pinhole":
@@ -146,8 +140,7 @@ class Keypoints:
 
 
 def _sigmas(content: dict, names: tuple[str, ...], path: Path) -> np.ndarray | None:
-    given = content.get("sigmas")
-    if given is None:
+    if (given := content.get("sigmas")) is None:
         return None
     if isinstance(given, dict):
         by_name = {str(name): value for name, value in given.items()}
@@ -159,15 +152,13 @@ def _sigmas(content: dict, names: tuple[str, ...], path: Path) -> np.ndarray | N
 
 
 def _flip(content: dict, names: tuple[str, ...], path: Path) -> tuple[int, ...] | None:
-    given = content.get("flip_pairs")
-    if given is None:
+    if (given := content.get("flip_pairs")) is None:
         return None
-    flip = list(range(len(names)))
+    numbers = range(len(names))
+    flip = list(numbers)
     for pair in given if isinstance(given, list) else [given]:
         try:
-            left, right = (
-                names.index(each) if isinstance(each, str) else range(len(names))[each] for each in pair
-            )
+            left, right = (names.index(each) if isinstance(each, str) else numbers[each] for each in pair)
         except (TypeError, ValueError, IndexError):
             left = right = -1
         if left == right or flip[left] != left or flip[right] != right:
@@ -200,8 +191,7 @@ def project_targets(
     size = np.array([camera.width, camera.height], float)
     whole = np.isfinite(points).all(axis=(1, 2))  # a target that reaches behind the camera has no box
     filled = np.where(np.isfinite(points), points, -1.0)
-    low = np.clip(filled.min(axis=1), 0, size)
-    high = np.clip(filled.max(axis=1), 0, size)
+    low, high = (np.clip(ends, 0, size) for ends in (filled.min(axis=1), filled.max(axis=1)))
     inside = np.isfinite(points).all(axis=2) & (points >= 0).all(axis=2) & (points <= size).all(axis=2)
     seen = whole & ((high - low) >= 1.0).all(axis=1)
     return Targets(np.concatenate([low, high], axis=1), points, inside & seen[:, None], seen)

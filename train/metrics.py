@@ -32,7 +32,6 @@ class Detections:
 
     @classmethod
     def none(cls, keypoints: int) -> "Detections":
-        """Nothing found."""
         return cls(np.zeros((0, 4)), np.zeros((0, keypoints, 2)), np.zeros((0, keypoints)), np.zeros(0))
 
 
@@ -73,13 +72,13 @@ def keypoint_similarity(
 class PrecisionTable:
     """Average precision over IoU (or OKS) thresholds 0.5 ... 0.95 of images with at most one target each.
 
-    Matching and sorting are done once; `average(weights)` then gives the AP of any weighting of the images,
-    such as how often a bootstrap resample holds each.
+    Matching and sorting are done once; `average(weights)` then gives the AP of any weighting of the images, such as how often a
+    bootstrap resample holds each.
 
     Args:
-        scores, similarities: of each image, (D) both: the detections' scores and their similarity to the
-        target. present: (N) whether the image has a target. ignored: (N) whether the target, and the
-        detection that matches it, count neither way.
+        scores, similarities: of each image, (D) both: the detections' scores and their similarity to the target.
+        present: (N) whether the image has a target.
+        ignored: (N) whether the target, and the detection that matches it, count neither way.
     """
 
     def __init__(

@@ -111,13 +111,9 @@ class WhiteTwin(nn.Module):
 
 
 class RandomEffects(nn.Module):
-    """Sensor noise whose further effects come in a share of the images only, with strengths drawn for each.
+    """Sensor noise whose further effects, as `Vis.effects`, come in a share of the images only, with strengths drawn for each.
 
-    Args:
-        cameras: of which each image gets one at random.
-        effects: as `Vis.effects`.
-        p: the share of the images that a camera takes; the others pass unchanged.
-        options: of `SensorNoise`.
+    Each image gets one of the cameras at random; `p` is the share of the images that a camera takes.
     """
 
     def __init__(
@@ -173,8 +169,7 @@ def _at(effect: dict[str, Any], end: int) -> dict[str, Any]:
         if isinstance(value, list | tuple):
             numbers = [v for v in value if isinstance(v, int | float) and not isinstance(v, bool)]
             if len(value) != 2 or len(numbers) != 2 or value[0] > value[1]:
-                raise InputError(
-                    f"is {value}", field=f"effects.{effect['name']}.{key}", expected="a number or [low, high]"
-                )
+                field = f"effects.{effect['name']}.{key}"
+                raise InputError(f"is {value}", field=field, expected="a number or [low, high]")
             found[key] = value[end]
     return found

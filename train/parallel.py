@@ -22,26 +22,16 @@ from visaug.core.progress import Progress
 from visaug.core.wording import counted
 from visaug.effects.catalogue import load_file, loaded_files
 from visaug_train.config import Cluster
-from visaug_train.scoring import run_and_score
-from visaug_train.training import Study, note_failure, run_folder, train_run
+from visaug_train.training import Study, note_failure, run_and_score, run_folder, train_run
 
 Work = Callable[[Study, str, int], Any]
 _tell: Any = None  # in a worker: the queue to the process that shows the progress
 
 
 def spread(
-    study: Study,
-    runs: Sequence[tuple[str, int]],
-    work: Work,
-    cluster: Cluster,
-    progress: Progress | None = None,
+    study: Study, runs: list[tuple[str, int]], work: Work, cluster: Cluster, progress: Progress | None = None
 ) -> dict[tuple[str, int], str]:
-    """Do `work(study, arm, seed)` for all runs; returns what went wrong, by run.
-
-    Args:
-        work: leaves its results in files; a function that can be imported, or pickled by value.
-        progress: called when a run has ended.
-    """
+    """Do `work(study, arm, seed)`, which leaves its results in files, for all runs; returns what went wrong, by run."""
     with connected(cluster.address) as ray:
         total = ray.cluster_resources()
         for name, wanted in (("CPU", cluster.cpus_per_run), ("GPU", cluster.gpus_per_run)):
@@ -76,10 +66,8 @@ def spread(
 def _in_folder(
     study: Study, work: Work, arm: str, seed: int, folder: str, effects: Sequence[Path]
 ) -> str | None:
-    """On a node: the work, in the driver's working folder, as a config's paths are relative to it; what failed.
-
-    Args:
-        effects: files with effects of one's own that the driver has loaded.
+    """On a node: the work, in the driver's working folder, as a config's paths are relative to it, with the files of effects
+    that the driver has loaded; what failed.
     """
     os.chdir(folder)
     try:
@@ -94,10 +82,7 @@ def _in_folder(
 class Workers:
     """Processes that do what is submitted, in this order; they end with the block, or with the process that made them.
 
-    Args:
-        processes: at a time.
-        runs: that will be submitted, of which the progress tells.
-        progress: called with (description, done, total); the steps of all runs are counted together.
+    The progress tells of the `runs` that will be submitted; the steps of all are counted together.
     """
 
     def __init__(self, processes: int, runs: int = 0, progress: Progress | None = None):
@@ -105,9 +90,7 @@ class Workers:
         context = get_context("spawn")  # a fork would copy locks that threads hold
         self._heard = context.SimpleQueue()
         alive, self._alive = context.Pipe(duplex=False)  # its end is the end of the workers
-        self._pool = ProcessPoolExecutor(
-            processes, context, initializer=_begin, initargs=(self._heard, alive)
-        )
+        self._pool = ProcessPoolExecutor(processes, context, _begin, (self._heard, alive))
         self._teller = threading.Thread(target=self._show, daemon=True)
 
     def __enter__(self) -> "Workers":

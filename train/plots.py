@@ -15,10 +15,8 @@ if TYPE_CHECKING:
 
 
 def plot_dependence(evaluations: Mapping[str, Sequence[Evaluation]]) -> "Figure":
-    """Mean score against distance, attitude and brightness, in bins of equally many images.
-
-    Args:
-        evaluations: arm -> the evaluations of its seeds on one domain.
+    """Mean score of arms, each with the evaluations of its seeds on one domain, against distance, attitude and brightness, in
+    bins of equally many images.
     """
     causes = {
         "distance_m": "distance, m",
@@ -61,12 +59,7 @@ def plot_gallery(evaluation: Evaluation, indices: Sequence[int] | np.ndarray) ->
 def plot_scores(
     points: Mapping[str, Mapping[str, Sequence[float]]], score: str = "keypoint AP50-95 (COCO)"
 ) -> "Figure":
-    """A score from 0 to 1 as bars of the mean with a dot for each seed.
-
-    Args:
-        points: group of bars -> bar -> scores of the seeds; bars in one order.
-        score: label of its axis.
-    """
+    """A score from 0 to 1 as bars of the mean with a dot for each seed: group of bars -> bar -> scores of the seeds."""
     trainings = list(dict.fromkeys(name for bars in points.values() for name in bars))
     width = 0.8 / len(trainings)
     with styled():
@@ -74,16 +67,14 @@ def plot_scores(
         axes = figure.subplots()
         for j, (training, colour) in enumerate(zip(trainings, ARM_COLOURS * 4)):
             place = (j - (len(trainings) - 1) / 2) * width
-            trained = [
-                (i + place, bars[training]) for i, bars in enumerate(points.values()) if bars.get(training)
-            ]
+            groups = enumerate(points.values())
+            trained = [(i + place, bars[training]) for i, bars in groups if bars.get(training)]
             means = [float(np.mean(values)) for _, values in trained]
             axes.bar([x for x, _ in trained], means, width * 0.92, color=colour, alpha=0.8, label=training)
             for x, values in trained:
                 axes.plot([x] * len(values), values, "o", color="#1c2430", markersize=3.5)
         axes.set_xticks(range(len(points)), [name.replace("_", " ") for name in points])
-        axes.set_ylabel(score)
-        axes.set_ylim(0, 1)
+        axes.set(ylabel=score, ylim=(0, 1))
         axes.grid(axis="x", visible=False)
         figure.legend(ncols=3, loc="outside upper center")
     return figure

@@ -1,5 +1,7 @@
 """The pose from keypoints (PnP with RANSAC, then refined) and the SPEC score of a pose."""
 
+from typing import Any
+
 import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -35,28 +37,17 @@ def estimate_pose(
     lens = (camera.matrix, camera.distortion)
     kept, poses = np.arange(len(used)), []
     if len(used) > 5:  # EPnP samples of RANSAC are five points
-        found, turn, shift, inliers = cv2.solvePnPRansac(
-            model,
-            image,
-            *lens,
-            flags=cv2.SOLVEPNP_EPNP,
-            reprojectionError=max(2.0, 0.04 * extent),
-            iterationsCount=300,
-        )
+        how: dict[str, Any] = {"reprojectionError": max(2.0, 0.04 * extent), "iterationsCount": 300}
+        found, turn, shift, inliers = cv2.solvePnPRansac(model, image, *lens, flags=cv2.SOLVEPNP_EPNP, **how)
         if found and inliers is not None and len(inliers) >= 4:
             kept, poses = np.ravel(inliers).astype(int), [(turn, shift)]
-    if (
-        not poses
-    ):  # of four points SQPnP misses the pose now and then, and so does P3P with a fourth point: not both
+    if not poses:
+        # of four points SQPnP misses the pose now and then, and so does P3P with a fourth point: not both
         for method in (cv2.SOLVEPNP_SQPNP, cv2.SOLVEPNP_AP3P)[: 2 if len(used) == 4 else 1]:
             _, turns, shifts, _ = cv2.solvePnPGeneric(model, image, *lens, flags=method)
             poses += [(turn, shift) for turn, shift in zip(turns, shifts) if shift[2] > 0]
     refined = [cv2.solvePnPRefineLM(model[kept], image[kept], *lens, *pose) for pose in poses]
-    refined = [
-        (np.ravel(turn), np.ravel(shift))
-        for turn, shift in refined
-        if np.isfinite(turn).all() and np.isfinite(shift).all() and shift[2] > 0
-    ]
+    refined = [(np.ravel(t), np.ravel(s)) for t, s in refined if np.isfinite([t, s]).all() and s[2] > 0]
     if not refined:
         return None
 

@@ -7,7 +7,8 @@ says which image that is. A line of a CSV of poses is file, q1..q4 (scalar first
 import csv
 import io
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
@@ -34,17 +35,13 @@ class ImageNames:
     """Names of the images of a set, as networks write them: with or without folders and suffix, `/` or `\\` between.
 
     Args:
-        poses: the set.
         elsewhere: files of the images of the folder's other domains and splits, by domain/split. A file of predictions
             may hold these too.
         root: the folder, below which the folders of a file tell a set from the others.
     """
 
     def __init__(
-        self,
-        poses: PoseSet,
-        elsewhere: Mapping[str, Collection[Path]] | None = None,
-        root: str | Path | None = None,
+        self, poses: PoseSet, elsewhere: Mapping[str, set[Path]] | None = None, root: str | Path | None = None
     ) -> None:
         self.poses = poses
         # names that were passed over, by domain
@@ -59,7 +56,7 @@ class ImageNames:
         # which sets have an image of a name, and which words before it may mean a set
         self.holders: dict[str, set[str]] = {}
         self.words: dict[str, set[str]] = {}
-        for name, files in {**(elsewhere or {}), poses.name: poses.files}.items():
+        for name, files in {**(elsewhere or {}), poses.name: set(poses.files)}.items():
             self.words[name] = {name.split("/")[0]}
             for file in files:
                 below = file if root is None or not file.is_relative_to(root) else file.relative_to(root)
@@ -68,22 +65,15 @@ class ImageNames:
                     self.holders.setdefault(key, set()).add(name)
 
     def find(self, text: object, file: Path, field: str) -> int | None:
-        """The image's number; None for an image of another domain or split of the folder.
-
-        Raises:
-            InputError: no image of the folder has this name; it names `file` and `field`.
-        """
+        """The image's number; None for an image of another domain or split of the folder. Refused where there is none."""
         sets, index = self._sets(text), self._index(text)
         if index is not None and self.poses.name in sets:
             return index
         if sets and self.poses.name not in sets:
             self.passed.update({name.split("/")[0] for name in sets})
             return None
-        problem, expected = (
-            f"{text!r} is no image of {self.poses.name}",
-            f"a name such as {self.poses.ids[0]}",
-        )
-        raise InputError(problem, file=file, field=field, expected=expected)
+        problem = f"{text!r} is no image of {self.poses.name}"
+        raise InputError(problem, file=file, field=field, expected=f"a name such as {self.poses.ids[0]}")
 
     def also_of(self, text: object) -> set[str]:
         """The other domains of the folder that the name may mean as well."""
@@ -92,9 +82,8 @@ class ImageNames:
     def _index(self, text: object) -> int | None:
         path = _path(text)
         whole = "/".join(path.parts[-self.depth :])
-        return next(
-            (self.names[n] for n in (whole, _stem(whole), path.name, path.stem) if n in self.names), None
-        )
+        forms = (whole, _stem(whole), path.name, path.stem)
+        return next((self.names[form] for form in forms if form in self.names), None)
 
     def _sets(self, text: object) -> set[str]:
         """The sets that have an image of this name; where its folders tell sets apart, those that have the folders too.
@@ -110,13 +99,11 @@ class ImageNames:
 
     def note(self, say: Say) -> None:
         """Say how many names were passed over that are of this domain, but of none of the images that are scored."""
-        if count := self.passed[self.poses.domain]:
-            say(
-                f"names of other images of {self.poses.domain} than those of {self.poses.name} were passed over: {count}"
-            )
+        of, count = self.poses.domain, self.passed[self.poses.domain]
+        if count:
+            say(f"names of other images of {of} than those of {self.poses.name} were passed over: {count}")
 
     def none_found(self, file: Path) -> InputError:
-        """What to raise for a file whose images are all of other domains."""
         problem, expected = f"names no image of {self.poses.name}", f"images such as {self.poses.ids[0]}"
         return InputError(problem, file=file, expected=expected)
 
@@ -148,51 +135,44 @@ def load_predictions(
 ) -> list[Detections]:
     """The detections of each image of `poses`; an image that the file does not name has none.
 
+    Boxes of records without `bbox`, which COCO's results of keypoints need not have, are NaN. A file of several domains whose
+    names do not say which is refused.
+
     Args:
-        path: COCO's results.
         keypoints: how many a record has.
         images: COCO's annotations file, whose `images` map an `image_id` to a file.
         names: which image a name means; those of `poses` alone where left out.
         say: told of images with several records, where these may be of several domains.
-
-    Raises:
-        InputError: a record that cannot be read, or a file of several domains whose names do not say which.
-
-    Returns:
-        Boxes of records without `bbox`, which COCO's results of keypoints need not have, are NaN.
     """
     path = Path(path)
     names = names or ImageNames(poses)
     files = {} if images is None else image_names(images)
-    records = read_json(path)
+    records, wrong = read_json(path), partial(InputError, file=path)
     if not isinstance(records, list):
-        expected = "COCO's results format with file_name for image_id"
-        raise InputError("holds no list", file=path, expected=expected)
+        raise wrong("holds no list", expected="COCO's results format with file_name for image_id")
     found: list[list[tuple[np.ndarray, np.ndarray, float]]] = [[] for _ in poses.files]
     domains: set[str] = set()
     visits: list[tuple[int, str]] = []  # image and record, where the name may be of another domain
     for number, record in enumerate(records):
         field = f"record {number}"
         if not isinstance(record, dict):
-            expected = "file_name, bbox, keypoints and score"
-            raise InputError("is not an object", file=path, field=field, expected=expected)
+            raise wrong("is not an object", field=field, expected="file_name, bbox, keypoints and score")
         name, key = record.get("file_name"), record.get("image_id")
         if name is None and files and not (isinstance(key, int | float | str) and key in files):
             problem = f"{key!r} is no image of the annotations file"
-            raise InputError(problem, file=path, field=f"{field}.image_id", expected=f"an id of {images}")
+            raise wrong(problem, field=f"{field}.image_id", expected=f"an id of {images}")
         if name is None:  # a name, as AlphaPose and ultralytics write it, or a number
             name = files[key] if files else key if isinstance(key, str) else None
         if name is None:
             expected = "an image's name; for image_id give the annotations file (--images)"
-            raise InputError("is missing", file=path, field=f"{field}.file_name", expected=expected)
+            raise wrong("is missing", field=f"{field}.file_name", expected=expected)
         index = names.find(name, path, f"{field}.file_name")
         has_box = record.get("bbox") is not None
         box = _numbers(record, "bbox", 4, path, field) if has_box else np.full(4, np.nan)
         points = _numbers(record, "keypoints", 3 * keypoints, path, field).reshape(keypoints, 3)
         score = float(_numbers(record, "score", 0, path, field))
         if box[2] < 0 or box[3] < 0:
-            problem = "a width or height is negative"
-            raise InputError(problem, file=path, field=f"{field}.bbox", expected="x, y, w, h")
+            raise wrong("a width or height is negative", field=f"{field}.bbox", expected="x, y, w, h")
         if index is not None:
             found[index].append((np.concatenate([box[:2], box[:2] + box[2:]]), points, score))
             if also := names.also_of(name):
@@ -204,7 +184,7 @@ def load_predictions(
     meant = f"{poses.domain}/{poses.files[0].name} where it is of {poses.domain}"
     if (start := starts_over(seen, len(domains))) is not None:
         problem = f"the names start over, as those of {', '.join(sorted({poses.domain, *domains}))} do"
-        raise InputError(problem, file=path, field=visits[start][1], expected=meant)
+        raise wrong(problem, field=visits[start][1], expected=meant)
     if several := sum(count > 1 for count in Counter(seen).values()):
         say(
             f"{several} images have several records, all taken for detections in {poses.domain}; "
@@ -254,11 +234,8 @@ def predict(
 ) -> list[Detections]:
     """Detections of a trained network with a score above 0.001, in pixels of the files; AP needs uncertain ones too.
 
-    Args:
-        weights: the network's file.
-        image_size: ultralytics' `imgsz`.
-        size, reduce: width and height to which the images are reduced before ultralytics sees them, and how: as the
-            training images were. Without `size` the longer side gets `image_size` pixels.
+    `size` and `reduce` are width and height to which the images are reduced before ultralytics sees them, and how: as the
+    training images were. Without `size` the longer side gets `image_size` pixels, which is ultralytics' `imgsz`.
     """
     quiet_ultralytics(settings_folder)
     from ultralytics import YOLO
@@ -269,19 +246,14 @@ def predict(
     detections: list[Detections] = []
     how: dict[str, Any] = {"imgsz": image_size, "conf": 0.001, "max_det": 20, "batch": 32, "device": device}
     for first in range(0, len(poses), 64):
-        images = [
-            reduced(read_image(file, poses.camera, cv2.IMREAD_COLOR), size, reduce)
-            for file in poses.files[first : first + 64]
-        ]
+        whole = (read_image(f, poses.camera, cv2.IMREAD_COLOR) for f in poses.files[first : first + 64])
+        images = [reduced(image, size, reduce) for image in whole]
         results: Any = model.predict(images, verbose=False, save=False, **how)
         for result in results:
-            boxes, scores, points = (
-                tensor.cpu().numpy().astype(float)
-                for tensor in (result.boxes.xyxy, result.boxes.conf, result.keypoints.data)
-            )
-            detections.append(
-                Detections(boxes * np.tile(back, 2), points[..., :2] * back, points[..., 2], scores)
-            )
+            found = result.boxes.xyxy, result.keypoints.data, result.boxes.conf
+            boxes, points, scores = (tensor.cpu().numpy().astype(float) for tensor in found)
+            boxes, places = boxes * np.tile(back, 2), points[..., :2] * back
+            detections.append(Detections(boxes, places, points[..., 2], scores))
         if progress:
             progress(title, len(detections), len(poses))
     return detections
@@ -321,8 +293,7 @@ def save_submission(path: str | Path, poses: PoseSet, found: Sequence[Pose | Non
 
     These get the median of the positions that were found, and no rotation.
     """
-    known = [pose for pose in found if pose is not None]
-    if not known:
+    if not (known := [pose for pose in found if pose is not None]):
         raise InputError("no pose was found", file=path, expected="predictions with four keypoints an image")
     default = np.array([1.0, 0, 0, 0]), np.median([translation for _, translation in known], axis=0)
     save_poses(path, poses, [pose or default for pose in found])
@@ -336,7 +307,6 @@ def load_poses(
 
     Args:
         path: the CSV. It may hold other domains too, even under the same names, as a submission does.
-        poses: the images.
         names: which image a name means; those of `poses` alone where left out.
         say: told of every convention but Kelvins' own that was recognised.
     """

@@ -117,10 +117,8 @@ def point_readings(
         return detections
     what = "shares of the image" if copies == [1, 1] else f"pixels of {copies[0]} x {copies[1]} images"
     say(f"boxes and keypoints are in {what}, and were brought to {size[0]} x {size[1]}")
-    return [
-        Detections(d.boxes * np.tile(factor, 2), d.points * factor, d.point_scores, d.scores)
-        for d in detections
-    ]
+    both = np.tile(factor, 2)
+    return [Detections(d.boxes * both, d.points * factor, d.point_scores, d.scores) for d in detections]
 
 
 def _copies(ratio: np.ndarray, size: tuple[int, int]) -> list[int]:

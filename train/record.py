@@ -42,11 +42,8 @@ def start_decides(config: Config) -> dict[str, Any] | None:
     if config.start is None:
         return None
     arm = config.arm(config.start.like) if config.start.like else Arm()
-    return {
-        **config.start.model_dump(mode="json", exclude={"weights"}, exclude_none=True),
-        **_noise(arm),
-        "noise_training": arm.training,
-    }
+    start = config.start.model_dump(mode="json", exclude={"weights"}, exclude_none=True)
+    return {**start, **_noise(arm), "noise_training": arm.training}
 
 
 def _noise(arm: Arm) -> dict[str, Any]:
@@ -91,12 +88,8 @@ def surroundings(device: Any = None, amp: Any = None) -> dict[str, Any]:
     wanted = str(device) if device not in (None, "") else ""
     on_cpu = wanted == "cpu" or not torch.cuda.is_available()
     where = platform.processor() or platform.machine() if on_cpu else torch.cuda.get_device_name()
-    return {
-        **found,
-        "device": f"cpu: {where}" if on_cpu else f"cuda: {where}",
-        "threads": torch.get_num_threads(),
-        "amp": amp,
-    }
+    device = f"cpu: {where}" if on_cpu else f"cuda: {where}"
+    return {**found, "device": device, "threads": torch.get_num_threads(), "amp": amp}
 
 
 def _file_digest(path: str) -> str | None:

@@ -16,10 +16,11 @@ from visaug.core.errors import InputError
 from visaug.core.files import write_bytes
 from visaug_train.geometry import Pinhole
 
+Size = tuple[int, int]  # width and height, pixels
 METHODS = {"area": cv2.INTER_AREA, "linear": cv2.INTER_LINEAR}
 
 
-def reduced(image: np.ndarray, size: tuple[int, int], how: str) -> np.ndarray:
+def reduced(image: np.ndarray, size: Size, how: str) -> np.ndarray:
     """An image (rows, columns[, C]) with `size` = (width, height) pixels."""
     if image.shape[1::-1] == tuple(size):
         return image
@@ -32,16 +33,11 @@ def variance_left(whole: int, size: int, how: str) -> float:
     return float((weights**2).sum(axis=1).mean())
 
 
-def reduced_camera(
-    camera: dict[str, Any], whole: tuple[int, int], size: tuple[int, int], how: str
-) -> dict[str, Any]:
-    """The content of a camera.yaml whose noise is that of the camera's images once these are reduced.
+def reduced_camera(camera: dict[str, Any], whole: Size, size: Size, how: str) -> dict[str, Any]:
+    """The content of a camera.yaml whose noise is that of the camera's images once these are reduced from `whole` to `size`.
 
     Noise of pixels, rows and columns is taken as white. Electrons per DN rise as the variance of shot noise falls. JPEG comes
     before the reduction and is left out.
-
-    Args:
-        whole, size: width and height of the camera's images and of the reduced ones.
     """
     columns, rows = (variance_left(a, b, how) for a, b in zip(whole, size, strict=True))
     pixels = rows * columns
@@ -62,7 +58,7 @@ def reduced_camera(
     return content | {"effects": effects}
 
 
-def fitting(camera: Pinhole, image_size: int) -> tuple[int, int]:
+def fitting(camera: Pinhole, image_size: int) -> Size:
     """Width and height of the camera's images with `image_size` pixels on the longer side; never enlarged."""
     scale = min(1.0, image_size / max(camera.width, camera.height))
     return round(camera.width * scale), round(camera.height * scale)
@@ -70,8 +66,7 @@ def fitting(camera: Pinhole, image_size: int) -> tuple[int, int]:
 
 def read_pixels(file: Path, flags: int = cv2.IMREAD_GRAYSCALE) -> np.ndarray:
     """An image file as 8-bit gray, (rows, columns), or as OpenCV's `flags` say."""
-    image = cv2.imread(str(file), flags)
-    if image is None:
+    if (image := cv2.imread(str(file), flags)) is None:
         raise InputError("cannot be read", file=file, expected="an image")
     return image
 

@@ -23,22 +23,14 @@ from visaug_train.training import batch_noise
 def write_report(ablation: Ablation) -> Path:
     """Write report.html into the config's output; returns its path."""
     seeds = ", ".join(map(str, ablation.config.seeds))
-    page = Page(
-        f"Ablation: {ablation.config.name}",
-        f"{len(ablation.means)} arms, seeds {seeds}; the same hyperparameters in all arms but for those that an arm sets.",
-        [
-            *target_sections(ablation),
-            *proof_sections(ablation),
-            *ablation_sections(ablation),
-            timing_section(ablation),
-        ],
-        footer=footer(None, None),
-    )
+    text = f"{len(ablation.means)} arms, seeds {seeds}; the same hyperparameters in all arms but for those that an arm sets."
+    sections = [*target_sections(ablation), *proof_sections(ablation), *ablation_sections(ablation)]
+    sections.append(timing_section(ablation))
+    page = Page(f"Ablation: {ablation.config.name}", text, sections, footer=footer(None, None))
     return write_page(ablation.config.output / "report.html", page)
 
 
 def ablation_sections(ablation: Ablation) -> list[Section]:
-    """The sections, also part of the demo's page."""
     return [
         Section("Scores of the arms", list(_results(ablation))),
         *_strength(ablation),
@@ -50,7 +42,6 @@ def ablation_sections(ablation: Ablation) -> list[Section]:
 
 
 def _strength(ablation: Ablation) -> list[Section]:
-    """Noise that the arms add, beside the noise of the images."""
     if ablation.noise is None:
         return []
     text = (
@@ -67,9 +58,8 @@ def timing_section(ablation: Ablation, seconds: Mapping[str, float] | None = Non
     """How long each part took: data, runs, and what else is given in `seconds`."""
     runs = {f"train {arm}, seed {seed}": run.seconds for (arm, seed), (run, _) in ablation.scored.items()}
     parts = {"render and convert the data": ablation.study.data_seconds, **runs, **(seconds or {})}
-    text = (
-        f"Seconds of each part, {sum(parts.values()):.0f} s in total; parts that ran side by side count each."
-    )
+    total = sum(parts.values())
+    text = f"Seconds of each part, {total:.0f} s in total; parts that ran side by side count each."
     return Section("Computing time", [figure(plot_timing(parts), text)])
 
 
@@ -84,14 +74,12 @@ def _results(ablation: Ablation) -> Iterator[Text | Table | Figure]:
     for sentence in _findings(ablation):
         yield Text(sentence, "finding")
     detection, keypoints = ("box_ap", "iou"), ("keypoint_ap_paper", "oks_paper")
+    by_coco = ("keypoint_ap_coco", "oks_coco")
     captions = {
         detection: "Target detection, in the form of the paper's table 2.",
         keypoints: "Keypoint regression, in the form of the paper's table 3; OKS by the paper's definition (sigma 1/11, area of "
         "the box).",
-        (
-            "keypoint_ap_coco",
-            "oks_coco",
-        ): "The same predictions by COCO's definition (2 sigma, 0.53 of the area).",
+        by_coco: "The same predictions by COCO's definition (2 sigma, 0.53 of the area).",
     }
     domains = list(ablation.study.tests)
     for measures, caption in captions.items():
@@ -105,21 +93,18 @@ def _results(ablation: Ablation) -> Iterator[Text | Table | Figure]:
         found = {(d.arm, d.domain, d.measure): str(d) for d in ablation.differences}
         pairs = dict.fromkeys((d.arm, d.domain) for d in ablation.differences)
         head = ["arm", "test set", *(_label(m).removesuffix(" mean") for m in measures)]
-        caption = (
-            f"Differences to {config.baseline}, with 95 % intervals; keypoints by the paper's definition."
-        )
+        caption = f"Differences to {config.baseline}, with 95 % intervals"
+        caption += "; keypoints by the paper's definition."
         yield Table(head, [[*pair, *(found[(*pair, m)] for m in measures)] for pair in pairs], caption)
         yield Text(f"95 % intervals: {ablation.interval_covers}.", "note")
         yield Text(by_chance(ablation.differences), "note")
     if weights := ablation.tables().get("weights"):
         yield weights.block()
         yield Text(weights.note, "note")
-    for arm, sentence in seen.items():
-        yield Text(f"† {arm}: {sentence}.", "note")
-    if ablation.mixed:
-        yield Text(ablation.mixed, "note")
-    for failure in ablation.failures:
-        yield Text(f"Failed: {failure.arm}, seed {failure.seed}: {failure.error}", "note")
+    notes = [f"† {arm}: {sentence}." for arm, sentence in seen.items()]
+    notes += [ablation.mixed] if ablation.mixed else []
+    notes += [f"Failed: {f.arm}, seed {f.seed}: {f.error}" for f in ablation.failures]
+    yield from (Text(note, "note") for note in notes)
 
 
 def _label(measure: str) -> str:
@@ -163,9 +148,8 @@ def _images(ablation: Ablation) -> Iterator[Text | Figure]:
     if others:
         shown = [(name, read_pixels(file) / 255) for name, each in others for file in each.files[:4]]
         names, pictures = zip(*shown)
-        yield figure(
-            plot_images(pictures, names, limits=(0, 1)), "Images of the other test sets.", raster=True
-        )
+        plot = plot_images(pictures, names, limits=(0, 1))
+        yield figure(plot, "Images of the other test sets.", raster=True)
     vis = next((arm.vis for arm in map(config.arm, config.arms) if arm.vis), None)
     if vis is not None:
         camera = visaug.Camera.load(vis.cameras[0])
@@ -204,7 +188,6 @@ def _predictions(ablation: Ablation) -> Section:
 
 
 def _dependence(ablation: Ablation) -> Section:
-    """Scores against the conditions of the images."""
     blocks, scored = [], ablation.scored
     for domain in ablation.study.tests:
         found = {arm: [scored[arm, s][1][domain] for s in ablation.seeds(arm)] for arm in ablation.means}

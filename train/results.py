@@ -13,14 +13,13 @@ from visaug.core.errors import InputError
 from visaug.core.files import write_json, write_text
 from visaug.core.progress import Progress
 from visaug.core.wording import counted
-from visaug_train import tables
+from visaug_train import tables, training
 from visaug_train.checks import Say, check_arms
 from visaug_train.config import Config
 from visaug_train.evaluate import Evaluation
 from visaug_train.parallel import spread
 from visaug_train.predictions import save_poses
 from visaug_train.record import COMPARED
-from visaug_train.scoring import other_weights, run_and_score
 from visaug_train.statistics import holm, image_variance, paired_interval, paired_p_value
 from visaug_train.strength import Strengths, strengths
 from visaug_train.studies import hidden, target
@@ -48,7 +47,6 @@ class ArmDifference:
 
     @property
     def clear(self) -> bool:
-        """Whether its own interval leaves out 0."""
         return self.low > 0 or self.high < 0
 
     @property
@@ -84,11 +82,9 @@ class Ablation:
 
     @property
     def config(self) -> Config:
-        """The config it was made by."""
         return self.study.config
 
     def seeds(self, arm: str) -> list[int]:
-        """The seeds of an arm that were finished."""
         return [seed for name, seed in self.scored if name == arm]
 
     @cached_property
@@ -97,12 +93,10 @@ class Ablation:
         return {key: {d: e.summary() for d, e in each.items()} for key, (_, each) in self.scored.items()}
 
     def of_seeds(self, arm: str, domain: str, measure: str) -> list[float]:
-        """A measure of each finished run of an arm."""
         return [tables.value(self.summaries[arm, s][domain], measure) for s in self.seeds(arm)]
 
     @cached_property
     def means(self) -> tables.Scores:
-        """Means over seeds."""
         return self._over_seeds(self.summaries)
 
     @cached_property
@@ -113,17 +107,14 @@ class Ablation:
     def _over_seeds(
         self, summaries: Mapping[tuple[str, int], Any], statistic: Callable = np.mean, least: int = 1
     ) -> tables.Scores:
-        found = {}
+        found: dict[str, dict[str, dict[str, float]]] = {}
         for arm in self.config.arms:
             runs = [summaries[arm, seed] for seed in self.seeds(arm) if (arm, seed) in summaries]
             if len(runs) >= least:
-                found[arm] = {
-                    domain: {
-                        m: float(statistic([tables.value(r[domain], m) for r in runs]))
-                        for m in tables.MEASURES
-                    }
-                    for domain in self.study.tests
-                }
+                found[arm] = {}
+                for domain in self.study.tests:
+                    values = {m: [tables.value(r[domain], m) for r in runs] for m in tables.MEASURES}
+                    found[arm][domain] = {m: float(statistic(v)) for m, v in values.items()}
         return found
 
     @cached_property
@@ -150,9 +141,7 @@ class Ablation:
             found: dict[str, list[str]] = {}
             for (arm, seed), (run, _) in self.scored.items():
                 found.setdefault(str(run.surroundings.get(key, "none")), []).append(f"{arm} seed {seed}")
-            said = [
-                f"{value} ({counted(len(runs), 'run')}, such as {runs[0]})" for value, runs in found.items()
-            ]
+            said = [f"{v} ({counted(len(runs), 'run')}, such as {runs[0]})" for v, runs in found.items()]
             several += [f"{key} {', '.join(said)}"] if len(found) > 1 else []
         return f"The runs were not trained alike: {'; '.join(several)}." if several else ""
 
@@ -163,7 +152,6 @@ class Ablation:
 
     @property
     def interval_covers(self) -> str:
-        """The variation that the intervals cover."""
         seeds = min((len(self.seeds(arm)) for arm in self.means), default=0)
         shared = ", all of which start from one shared network" if self.config.start else ""
         if seeds > 1:
@@ -184,8 +172,7 @@ class Ablation:
 
         Domains of two cameras that took the same views are paired by view.
         """
-        seeds = [s for s in self.seeds(own[0]) if s in self.seeds(other[0])]
-        if not seeds:
+        if not (seeds := [s for s in self.seeds(own[0]) if s in self.seeds(other[0])]):
             return {}
         reference, resampled = self.scores(other, seeds)
         scores, again = self.scores(own, seeds)
@@ -231,22 +218,17 @@ class Ablation:
         if config.published:
             made["keypoints"] = made["keypoints"].with_note(tables.WHICH_OKS)
             made["comparison"] = tables.comparison_table(self.means)
-        made["poses"] = tables.pose_table(
-            {
-                arm: {d: [runs[arm, s][d] for s in self.seeds(arm)] for d in self.study.tests}
-                for arm in self.means
-            }
-        )
+        poses = {a: {d: [runs[a, s][d] for s in self.seeds(a)] for d in self.study.tests} for a in self.means}
+        made["poses"] = tables.pose_table(poses)
         made["differences"] = tables.difference_table(self.differences, config.baseline)
         if self.others:
             others = self._over_seeds(self.others)
-            other = other_weights(config.weights)
+            other = training.other_weights(config.weights)
             made["weights"] = tables.weights_table(config.weights, self.means, other, others)
         seen = target.transductive(self.study)
         return {name: tables.marked(table, seen) for name, table in made.items()}
 
     def to_json(self) -> dict[str, Any]:
-        """Scores of every run, differences, failures."""
         return {
             "schema": 1,
             "name": self.config.name,
@@ -259,7 +241,7 @@ class Ablation:
                     "surroundings": run.surroundings,
                     "weights": self.config.weights,
                     "scores": self.summaries[arm, seed],
-                    other_weights(self.config.weights): self.others.get((arm, seed)),
+                    training.other_weights(self.config.weights): self.others.get((arm, seed)),
                 }
                 for (arm, seed), (run, _) in self.scored.items()
             ],
@@ -288,10 +270,9 @@ class Ablation:
         write_json(folder / "ablation.json", self.to_json())
         for (arm, seed), (_, each) in self.scored.items():
             for domain, evaluation in each.items():
-                evaluation.write_csv(folder / "images" / f"{arm}-seed{seed}-{domain}.csv")
-                save_poses(
-                    folder / "poses" / f"{arm}-seed{seed}-{domain}.csv", evaluation.poses, evaluation.found
-                )
+                name = f"{arm}-seed{seed}-{domain}.csv"
+                evaluation.write_csv(folder / "images" / name)
+                save_poses(folder / "poses" / name, evaluation.poses, evaluation.found)
         return folder / "tables.md"
 
 
@@ -317,14 +298,14 @@ def ablate(config: Config, progress: Progress | None = None, announce: Say | Non
         said = note_failure(study, "start", config.start.seed if config.start else 0, error)
         problem = f"the network that all runs start from could not be trained ({said})"
         raise InputError(problem, file=config.output / "failures") from error
-    lost = spread(study, runs, run_and_score, config.cluster, progress) if config.cluster else {}
+    lost = spread(study, runs, training.run_and_score, config.cluster, progress) if config.cluster else {}
     scored, failures, others = {}, [], {}
     for arm, seed in runs:
         if (arm, seed) in lost:
             failures.append(Failure(arm, seed, lost[arm, seed]))
             continue
         try:
-            run, scored_sets, others[arm, seed] = run_and_score(study, arm, seed, progress)
+            run, scored_sets, others[arm, seed] = training.run_and_score(study, arm, seed, progress)
             scored[arm, seed] = run, scored_sets
         except Exception as error:
             failures.append(Failure(arm, seed, note_failure(study, arm, seed, error)))

@@ -72,7 +72,6 @@ class Severity:
     rows: list[dict[str, Any]]
 
     def to_csv(self) -> str:
-        """A line a point; the first are the clean images."""
         head = ["axis", "value", *SCORES]
         lines = [{"axis": "clean", "value": None, **self.clean}, *self.rows]
         cells = [["" if line[key] is None else str(line[key]) for key in head] for line in lines]
@@ -164,15 +163,12 @@ def severity(
 
     Args:
         poses: labelled images. What noise they carry comes in addition, so noiseless ones tell most.
-        keypoints: the points that the network finds.
         predict: gives the detections of a set's images, in their pixels; it reads `poses.files`.
         camera: the measured camera; its `randomize` is not used.
         folder: of severity.json, severity.csv and severity.png.
         axes: see `points_of`.
         network: what tells this network from another one, such as a digest of its weights; it decides whether points that
             are there already are taken over.
-        seed: of the noise.
-        progress: called with (description, done, total).
     """
     folder = Path(folder)
     file, images = folder / "severity.json", folder / "images.partial"

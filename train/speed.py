@@ -36,9 +36,7 @@ class PoseSet:
     quaternions: np.ndarray  # of the poses, (N, 4) scalar first, p_camera = R p_body + r; NaN if unknown
     translations: np.ndarray  # of the poses, (N, 3) in metres
     keypoints: Keypoints | None = None  # the data set's own points of the spacecraft
-    boxes: np.ndarray | None = (
-        None  # annotated, (N, 4) x0 y0 x1 y1 in pixels, NaN where an image has no target
-    )
+    boxes: np.ndarray | None = None  # annotated, (N, 4) x0 y0 x1 y1 in pixels; NaN: no target in the image
     points: np.ndarray | None = None  # annotated keypoints (N, K, 3): x, y in pixels and COCO's visibility
     spacecraft: str = "tango"  # whose points are meant where `keypoints` is None
 
@@ -52,19 +50,15 @@ class PoseSet:
 
     @property
     def posed(self) -> bool:
-        """Whether the poses are known."""
         return bool(np.isfinite(self.quaternions).all())
 
     @property
     def labelled(self) -> bool:
-        """Whether poses or keypoints are known."""
         return self.posed or self.points is not None
 
     @cached_property
     def ids(self) -> tuple[str, ...]:
-        """A name of each image that no other has: the file's, with as many of its folders as that takes:
-        `a.png`, or `scene_1/rgb/a.png`.
-        """
+        """A name of each image that no other has, `a.png` or `scene_1/rgb/a.png`: with as many folders as that takes."""
         longest = max((len(file.parts) for file in self.files), default=1)
         parts = 1
         while parts < longest and len({file.parts[-parts:] for file in self.files}) < len(self.files):
@@ -97,7 +91,6 @@ class PoseSet:
         return np.clip(boxes, 0, np.tile(self.camera.size, 2))
 
     def select(self, indices: np.ndarray) -> "PoseSet":
-        """The images at `indices`."""
         arrays = {name: getattr(self, name) for name in ("quaternions", "translations", "boxes", "points")}
         chosen = {name: None if array is None else array[indices] for name, array in arrays.items()}
         return replace(self, files=tuple(self.files[i] for i in indices), **chosen)
@@ -134,11 +127,7 @@ def by_domain(pairs: Iterable[Sequence[str]]) -> dict[str, tuple[str, ...]]:
 
 
 def chosen_split(found: dict[str, tuple[str, ...]], domain: str, split: str | None, root: Path) -> str:
-    """The split that is meant: left out, the domain's test split, else validation, else train.
-
-    Raises:
-        InputError: `found`, the splits by domain, does not have it.
-    """
+    """The split that is meant, one of `found`, the splits by domain; left out, test, else validation, else train."""
     if domain not in found:
         raise InputError(f"{root}: domain: expected one of {', '.join(found)}, got {domain}")
     split = split or next(s for s in ("test", "validation", "train") if s in found[domain])
@@ -155,23 +144,16 @@ def listings(root: Path) -> dict[str, tuple[Path, Path]]:
     if not root.is_dir():
         raise InputError(f"{root}: no such folder; expected a SPEED or SPEED+ folder")
     if is_speed(root):
-        stems = {
-            "speed/all": "train",
-            "real/test": "real",
-            "test/test": "test",
-            "real_test/test": "real_test",
-        }
+        stems = {"speed/all": "train", "real/test": "real"}
+        stems |= {"test/test": "test", "real_test/test": "real_test"}
         places = {name: (root / f"{stem}.json", root / "images" / stem) for name, stem in stems.items()}
     else:
         folders = [folder for folder in sorted(root.iterdir()) if (folder / "images").is_dir()]
-        places = {
-            f"{f.name}/{split}": (f / f"{split}.json", f / "images") for f in folders for split in SPLITS
-        }
-    found = {name: place for name, place in places.items() if place[0].is_file()}
-    if not found:
-        raise InputError(
-            f"{root}: expected train.json and images/, or folders like synthetic/ with train.json"
-        )
+        parts = [(folder, split) for folder in folders for split in SPLITS]
+        places = {f"{f.name}/{split}": (f / f"{split}.json", f / "images") for f, split in parts}
+    if not (found := {name: place for name, place in places.items() if place[0].is_file()}):
+        expected = "train.json and images/, or folders like synthetic/ with train.json"
+        raise InputError(f"{root}: expected {expected}")
     return found
 
 
@@ -260,7 +242,6 @@ def read_listing(listing: Path, images: Path, camera: Pinhole, name: str) -> Pos
 def write_listing(
     listing: Path, names: Iterable[str], quaternions: np.ndarray, translations: np.ndarray
 ) -> None:
-    """Write a list of SPEED+'s records."""
     poses = zip(names, quaternions.tolist(), translations.tolist())
     write_json(listing, [{"filename": n, "q_vbs2tango_true": q, "r_Vo2To_vbs_true": r} for n, q, r in poses])
 
@@ -269,18 +250,14 @@ def check_images(poses: PoseSet, listing: Path) -> None:
     """Refuse a list of images that are not there, or not of the camera's size."""
     folders = {file.parent for file in poses.files}
     present = {file for folder in folders if folder.is_dir() for file in folder.iterdir()}
-    missing = [file for file in poses.files if file not in present]
-    if missing:
-        raise InputError(
-            f"{listing}: {len(missing)} of {len(poses)} images are missing, the first is {missing[0]}"
-        )
+    if missing := [file for file in poses.files if file not in present]:
+        problem = f"{len(missing)} of {len(poses)} images are missing, the first is {missing[0]}"
+        raise InputError(problem, file=listing)
     for file in poses.files[:: max(1, len(poses) // 32)]:  # the rest is checked when it is read
-        size = image_size(file)
-        if size != poses.camera.size:
-            raise InputError(
-                f"{file}: wrong camera: camera.json says {poses.camera.width} x {poses.camera.height} pixels, "
-                f"the image has {size[0]} x {size[1]}"
-            )
+        if (size := image_size(file)) != poses.camera.size:
+            own, found = (f"{width} x {height}" for width, height in (poses.camera.size, size))
+            problem = f"wrong camera: camera.json says {own} pixels, the image has {found}"
+            raise InputError(problem, file=file)
 
 
 def image_size(file: Path) -> tuple[int, int]:
@@ -299,7 +276,6 @@ def check_camera(poses: PoseSet, listing: Path) -> None:
     size = np.array(poses.camera.size)
     near = (np.abs(points - size / 2) < 0.75 * size).all(axis=1)
     if near.mean() < 0.5:
-        raise InputError(
-            f"{listing}: wrong camera: {100 * (1 - near.mean()):.0f} % of the targets lie outside the image "
-            "by camera.json; expected most of them inside"
-        )
+        share = f"{100 * (1 - near.mean()):.0f} %"
+        problem = f"wrong camera: {share} of the targets lie outside the image by camera.json"
+        raise InputError(problem, file=listing, expected="most of them inside")

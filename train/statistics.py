@@ -20,9 +20,7 @@ from scipy.stats import t as student
 
 def image_variance(resampled: np.ndarray) -> np.ndarray:
     """The variance by the choice of images, (measures), of (resamples, measures); NaN with fewer than two resamples."""
-    if len(resampled) < 2:
-        return np.full(resampled.shape[1:], np.nan)
-    return resampled.var(axis=0, ddof=1)
+    return np.full(resampled.shape[1:], np.nan) if len(resampled) < 2 else resampled.var(axis=0, ddof=1)
 
 
 def paired_interval(
@@ -33,7 +31,6 @@ def paired_interval(
     Args:
         differences: of each seed, (seeds, measures), each over all images.
         image_variance: of their mean over seeds by the choice of images, (measures); NaN where it is not known.
-        images: how many there are.
     """
     mean, error, freedom = _mean_and_error(differences, image_variance, images)
     reach = student.ppf(0.975, freedom) * error
@@ -75,7 +72,6 @@ def share_interval(
     Args:
         gains, oracle: of each seed, (seeds).
         by_images: (resamples, 2), both means over seeds on resampled images.
-        images: how many there are.
 
     Returns:
         Its ends; None where it is not bounded, for the oracle's gain does not differ from 0, or is a loss.

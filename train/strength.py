@@ -91,7 +91,6 @@ class Strengths:
     noisy: tuple[str, ...]
 
     def table(self) -> ResultTable:
-        """One row for the images, each test set and each arm."""
 
         def row(name: str, strength: Strength, both: bool = False) -> list[str]:
             white = {level: f" (white {strength.white[level]:.2f})" if both else "" for level in LEVELS}
@@ -131,7 +130,6 @@ class Strengths:
 
 
 def strengths(study: "Study") -> Strengths:
-    """Of a study whose data are ready."""
     config = study.config
     arms = {name: config.arm(name) for name in config.arms}
 

@@ -66,11 +66,9 @@ class ResultTable:
     note: str = ""
 
     def with_note(self, note: str) -> "ResultTable":
-        """The table with a further sentence."""
         return replace(self, note=" ".join(filter(None, [self.note, note])))
 
     def block(self) -> Table:
-        """The table for a page, its title as the caption."""
         return Table(self.head, self.rows, f"{self.title}.")
 
     def to_markdown(self) -> str:
@@ -80,10 +78,8 @@ class ResultTable:
         return "\n".join([*lines, *map(_line, self.rows), *note]) + "\n"
 
     def to_csv(self) -> str:
-        """Comma-separated, with the head."""
         buffer = io.StringIO()
-        writer = csv.writer(buffer, lineterminator="\n")
-        writer.writerows([self.head, *self.rows])
+        csv.writer(buffer, lineterminator="\n").writerows([self.head, *self.rows])
         return buffer.getvalue()
 
     def to_latex(self) -> str:
@@ -105,7 +101,6 @@ class ResultTable:
 
 
 def signed(change: float, low: float, high: float) -> str:
-    """A difference with its 95 % interval."""
     return f"{change:+.3f} [{low:+.3f}, {high:+.3f}]"
 
 
@@ -118,7 +113,6 @@ def value(summary: Mapping[str, Any], measure: str) -> float:
 
 
 def domains_of(means: Scores) -> list[str]:
-    """The domains of all arms."""
     return list(dict.fromkeys(domain for scores in means.values() for domain in scores))
 
 
@@ -142,14 +136,13 @@ def difference_table(differences: Sequence[Any], baseline: str) -> ResultTable:
     where all rows are taken together.
     """
     head = ["arm", "domain", "measure", baseline, "arm's", "difference", "95 % interval"]
+    head += ["clear of 0", "clear among all rows"]
     rows = []
     for d in differences:
         scores = [_number(d.reference), _number(d.reference + d.difference), f"{d.difference:+.4f}"]
+        scores.append(f"[{d.low:+.4f}, {d.high:+.4f}]")
         clear = ["yes" if is_so else "no" for is_so in (d.clear, d.clear_in_family)]
-        rows.append(
-            [d.arm, d.domain, MEASURES[d.measure][1], *scores, f"[{d.low:+.4f}, {d.high:+.4f}]", *clear]
-        )
-    head += ["clear of 0", "clear among all rows"]
+        rows.append([d.arm, d.domain, MEASURES[d.measure][1], *scores, *clear])
     return ResultTable(f"Differences to {baseline}", head, rows, by_chance(differences))
 
 
@@ -168,8 +161,7 @@ def by_chance(differences: Sequence[Any]) -> str:
 def marked(table: ResultTable, notes: Mapping[str, str]) -> ResultTable:
     """A table whose arms that `notes` names (arm -> sentence) carry a dagger, with the sentences below."""
     cells = {cell for row in table.rows for cell in row} | set(table.head)
-    here = {arm: note for arm, note in notes.items() if arm in cells}
-    if not here:
+    if not (here := {arm: note for arm, note in notes.items() if arm in cells}):
         return table
 
     def mark(cells: Sequence[str]) -> list[str]:
@@ -183,18 +175,13 @@ def weights_table(headline: str, means: Scores, other: str, others: Scores) -> R
     """The same runs' other weights beside those of all other tables: means over seeds."""
     measures = ("box_ap", "keypoint_ap_paper", "keypoint_ap_coco")
     head = ["arm", "domain", *(f"{MEASURES[m][1]}, {w}" for m in measures for w in (headline, other))]
-    rows = [
-        [arm, domain, *(_number(each[arm][domain][m]) for m in measures for each in (means, others))]
-        for arm in others
-        for domain in others[arm]
-    ]
-    return ResultTable(
-        f"Weights of the same runs: {headline} and {other}",
-        head,
-        rows,
+    both, places = (means, others), [(arm, domain) for arm in others for domain in others[arm]]
+    rows = [[a, d, *(_number(each[a][d][m]) for m in measures for each in both)] for a, d in places]
+    note = (
         f"All other tables hold {headline}. `best` is the epoch that the clean validation images chose, which may be the one "
-        "that has seen the least noise.",
+        "that has seen the least noise."
     )
+    return ResultTable(f"Weights of the same runs: {headline} and {other}", head, rows, note)
 
 
 def overview_table(means: Scores, differences: Sequence[Any], baseline: str, most: int = 100) -> ResultTable:
@@ -229,9 +216,8 @@ def overview_table(means: Scores, differences: Sequence[Any], baseline: str, mos
 
 def change(difference: Any) -> str:
     """A difference with its interval and a one-word conclusion."""
-    d = difference
-    improves = sign(d.low, d.high) * (1 if MEASURES[d.measure][2] else -1)
-    return f"{('not clear', 'better', 'worse')[improves]}: {d}"
+    improves = sign(difference.low, difference.high) * (1 if MEASURES[difference.measure][2] else -1)
+    return f"{('not clear', 'better', 'worse')[improves]}: {difference}"
 
 
 POSE_COLUMNS = {
@@ -270,7 +256,6 @@ def _latex(text: str) -> str:
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
-    """None where one is not determined."""
     known = [value for value in values if value is not None]
     return sum(known) / len(known) if len(known) == len(values) else None
 

@@ -1,4 +1,4 @@
-"""Train the arms of a config with ultralytics: one run is one arm with one seed in a folder of its own.
+"""Train the arms of a config with ultralytics, and score them: one run is one arm with one seed in a folder of its own.
 
 A run's folder carries a hash of all that decides its outcome. A finished run (``run.json``) is never run
 again, an interrupted one resumes from its last epoch, and a changed config trains new runs.
@@ -10,7 +10,7 @@ import json
 import shutil
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -26,10 +26,13 @@ from visaug_train import callbacks
 from visaug_train.arms import Arm
 from visaug_train.checks import Say, check_apart, check_target, cost, followed, start_weights
 from visaug_train.config import Config, Source
-from visaug_train.convert import convert
+from visaug_train.convert import convert, identity
 from visaug_train.datasets import keypoints_of, read_poses
+from visaug_train.evaluate import Evaluation, evaluate
 from visaug_train.geometry import Keypoints
+from visaug_train.metrics import Detections
 from visaug_train.noise import batch_noise
+from visaug_train.predictions import load_predictions, predict, save_predictions
 from visaug_train.quiet import quiet_ultralytics, set_tracking
 from visaug_train.record import decides, surroundings
 from visaug_train.render.dataset import read_back, render_dataset
@@ -66,10 +69,7 @@ class Run:
 
 
 def prepare(
-    config: Config,
-    progress: Progress | None = None,
-    announce: Say | None = None,
-    arms: Sequence[str] | None = None,
+    config: Config, progress: Progress | None = None, announce: Say | None = None, arms: Sequence[str] = ()
 ) -> Study:
     """Renders (if configured), checks and converts the data; simulates and diagnoses hidden effects.
 
@@ -143,18 +143,13 @@ def start_network(study: Study, progress: Progress | None = None) -> str | None:
 
 
 def _finish(folder: Path, record: dict[str, Any], arguments: dict[str, Any], seconds: float) -> None:
-    """Write run.json, by which a run is known to be finished."""
     around = surroundings(arguments.get("device"), followed(arguments).get("amp"))
     write_json(folder / "run.json", {**record, "surroundings": around, "seconds": seconds})
     callbacks.forget(folder)
 
 
 def _from_weights(config: Config, weights: Path) -> Path:
-    """A checkpoint of ultralytics with the state that a safetensors file holds.
-
-    Raises:
-        InputError: see `start_weights`, or the state of another network.
-    """
+    """A checkpoint of ultralytics with the state that a safetensors file holds; refused if it is another network's."""
     assert config.start is not None
     content = start_weights(config.start)
     made = config.output / "runs" / f"start-{str(config.start.sha256)[:8]}.pt"
@@ -168,9 +163,8 @@ def _from_weights(config: Config, weights: Path) -> Path:
         try:
             network.load_state_dict(load(content))
         except RuntimeError:
-            raise InputError(
-                "is the state of another network", file=weights, expected=f"that of {config.model}"
-            ) from None
+            problem = "is the state of another network"
+            raise InputError(problem, file=weights, expected=f"that of {config.model}") from None
         with whole_file(made) as partial_file:
             model.save(partial_file)
     return made
@@ -178,8 +172,7 @@ def _from_weights(config: Config, weights: Path) -> Path:
 
 def note_failure(study: Study, arm: str, seed: int, error: Exception) -> str:
     """Keep how a run failed beside the runs; the error in one line."""
-    text = "".join(traceback.format_exception(error))
-    write_text(_failure_file(study, arm, seed), text)
+    write_text(_failure_file(study, arm, seed), "".join(traceback.format_exception(error)))
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
@@ -223,7 +216,7 @@ def _train(
     if state is not None and state["exact"]["over"]:
         callbacks.finish(folder, state)
         return state["exact"]["seconds"]
-    kept = callbacks.Checkpoints(seed, state)
+    kept = callbacks.Checkpoints(seed, state, partial(progress, title) if progress else None)
     if state is None:
         shutil.rmtree(folder, ignore_errors=True)
         model = YOLO(config.model, task="pose", verbose=False)
@@ -233,12 +226,67 @@ def _train(
     else:
         model = YOLO(str(callbacks.restore(folder, state)), task="pose")
         how = {"resume": True, "save_dir": str(folder.resolve())}
-    callbacks.follow(model, title, progress)
     kept.attach(model)
     model.add_callback("on_train_epoch_start", partial(callbacks.close_noise, clean_epochs))
     model.add_callback("on_train_batch_start", partial(callbacks.keep_batch, arguments.get("batch", 16)))
     model.train(trainer=trainer, data=str(data_yaml), **how)
     return kept.seconds_before + time.monotonic() - kept.began
+
+
+def other_weights(weights: str) -> str:
+    """The weights of a run that are not its headline."""
+    return "best" if weights == "last" else "last"
+
+
+def run_and_score(
+    study: Study, arm: str, seed: int, progress: Progress | None = None
+) -> tuple[Run, dict[str, Evaluation], dict[str, dict[str, Any]]]:
+    """A run, its evaluations, and the summaries of its other weights by domain; from files as far as they are there."""
+    run = train_run(study, arm, seed, progress)
+    return run, evaluate_run(study, run, progress), other_summaries(study, run, progress)
+
+
+def other_summaries(study: Study, run: Run, progress: Progress | None = None) -> dict[str, dict[str, Any]]:
+    """Scores by domain of a run's other weights; empty where it kept none, or where no validation told best from last."""
+    other, arguments = other_weights(study.config.weights), study.config.arguments(run.arm)
+    if not arguments.get("val", True) or not run.weights.with_stem(other).is_file():
+        return {}
+    return {name: each.summary() for name, each in evaluate_run(study, run, progress, other).items()}
+
+
+def evaluate_run(
+    study: Study, run: Run, progress: Progress | None = None, weights: str = ""
+) -> dict[str, Evaluation]:
+    """Score a run's network on every test set: that of its `weights` (last or best), the config's where left out."""
+    found = {n: predictions_of(study, run, n, p, progress, weights) for n, p in study.tests.items()}
+    return {name: evaluate(name, study.tests[name], study.keypoints, each) for name, each in found.items()}
+
+
+def predictions_of(
+    study: Study, run: Run, domain: str, poses: PoseSet, progress: Progress | None = None, weights: str = ""
+) -> list[Detections]:
+    """What a run's network finds in a set; kept beside the weights."""
+    file = run.weights.with_stem(weights) if weights else run.weights
+    digest = hashlib.sha256(f"{file.name}\n{identity(poses)}".encode()).hexdigest()[:8]
+    path = run.folder / "predictions" / f"{domain}-{digest}.json"
+    if not path.is_file():
+        title = f"evaluating {run.arm} seed {run.seed} on {domain}"
+        save_predictions(path, poses, predictor(study, run, file)(poses, title=title, progress=progress))
+    return load_predictions(path, poses, len(study.keypoints))
+
+
+def predictor(study: Study, run: Run, weights: Path) -> Callable[..., list[Detections]]:
+    """What a file of a run's weights finds in a set, a function of the set: images are reduced as in training."""
+    config, arguments = study.config, study.config.arguments(run.arm)
+    return partial(
+        predict,
+        weights,
+        image_size=arguments.get("imgsz", 640),
+        settings_folder=config.output / "ultralytics-settings",
+        device=arguments.get("device"),
+        size=config.data.image_size,
+        reduce=config.data.reduction,
+    )
 
 
 def _digest(value: Any) -> str:

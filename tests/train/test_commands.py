@@ -9,7 +9,7 @@ import yaml
 from click.testing import CliRunner
 
 from visaug.app.cli.root import program
-from visaug_train import checks, scoring, training
+from visaug_train import checks, training
 from visaug_train.geometry import Keypoints, project_targets
 from visaug_train.metrics import Detections
 from visaug_train.speed import read_poses
@@ -37,7 +37,7 @@ def stubbed(rendered, monkeypatch):
         ]
 
     monkeypatch.setattr(training, "_train", train)
-    monkeypatch.setattr(scoring, "predict", predict)
+    monkeypatch.setattr(training, "predict", predict)
     monkeypatch.setattr(checks, "seconds_per_image", lambda *_: 0.1)
 
 

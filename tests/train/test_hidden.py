@@ -11,7 +11,7 @@ import visaug
 from tests.hostile import check_page
 from tests.hostile_pages import NASTY, check_file
 from visaug.core.errors import InputError
-from visaug_train import scoring, training
+from visaug_train import training
 from visaug_train.config import check_config
 from visaug_train.geometry import Keypoints, project_targets
 from visaug_train.metrics import Detections
@@ -105,7 +105,7 @@ def stubbed(monkeypatch):
 
     monkeypatch.setattr(visaug, "diagnose", diagnose)
     monkeypatch.setattr(training, "_train", train)
-    monkeypatch.setattr(scoring, "predict", predict)
+    monkeypatch.setattr(training, "predict", predict)
     return calls
 
 

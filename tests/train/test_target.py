@@ -8,7 +8,7 @@ import torch
 
 import visaug
 from visaug.core.errors import InputError
-from visaug_train import reduction, scoring, training
+from visaug_train import reduction, training
 from visaug_train.config import check_config
 from visaug_train.geometry import Keypoints, Pinhole, project_targets
 from visaug_train.metrics import Detections
@@ -111,7 +111,7 @@ def stubbed(monkeypatch):
         ]
 
     monkeypatch.setattr(training, "_train", train)
-    monkeypatch.setattr(scoring, "predict", predict)
+    monkeypatch.setattr(training, "predict", predict)
 
 
 def test_a_study_estimates_trains_and_reports_the_share(stubbed, tmp_path):

@@ -51,11 +51,7 @@ def read_poses(
 
 
 def keypoints_of(source: str | Path, poses: PoseSet) -> Keypoints:
-    """The spacecraft's points: those of a file; for `tango`, which is the default, the data set's own where it has some.
-
-    Raises:
-        InputError: the set shows another spacecraft than Tango and brings no points.
-    """
+    """The spacecraft's points: those of a file; for `tango`, which is the default, the data set's own where it has some."""
     if str(source) != "tango":
         return Keypoints.load(source)
     if poses.keypoints is not None:
@@ -71,11 +67,8 @@ def files_of(root: str | Path) -> dict[str, set[Path]]:
     """Files of the images by domain/split."""
     reader, root = reader_of(root), Path(root)
     if reader is not None:
-        return {
-            f"{domain}/{split}": set(reader.read(root, domain, split).files)
-            for domain, splits in reader.domains(root).items()
-            for split in splits
-        }
+        parts = [(domain, split) for domain, splits in reader.domains(root).items() for split in splits]
+        return {f"{domain}/{split}": set(reader.read(root, domain, split).files) for domain, split in parts}
     found = {}
     for name, (listing, images) in speed.listings(root).items():
         records = read_json(listing)

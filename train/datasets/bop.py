@@ -88,24 +88,20 @@ def _read(root: Path, domain: str, split: str) -> PoseSet:
 
 def _corners(root: Path, number: int) -> Keypoints | None:
     """The corners of the model's bounding box, metres."""
-    file = next(iter(sorted(root.glob("models*/models_info.json"))), None)
-    if file is None:
+    if (file := next(iter(sorted(root.glob("models*/models_info.json"))), None)) is None:
         return None
     info = _table(file).get(str(number))
     if not isinstance(info, dict):
         expected = "min_x ... size_z of this object"
         raise InputError("is missing", file=file, field=str(number), expected=expected)
-    low, size = (
-        np.array([numbers_of(info, f"{of}_{axis}", 0, file, str(number)) for axis in "xyz"])
-        for of in ("min", "size")
-    )
+    names = [f"{of}_{axis}" for of in ("min", "size") for axis in "xyz"]
+    low, size = np.split(np.array([numbers_of(info, name, 0, file, str(number)) for name in names]), 2)
     corners = np.array(list(product((0, 1), repeat=3)))
     names = tuple("corner_" + "".join(map(str, corner)) for corner in corners)
     return Keypoints(f"obj_{number:06d}", names, (low + corners * size) / 1000)
 
 
 def _images(scene: Path) -> dict[int, Path]:
-    """The images of a scene by their number."""
     for kind in ("rgb", "gray"):
         files = sorted(scene.glob(f"{kind}/*"))
         found = {int(f.stem): f for f in files if f.suffix.lower() in SUFFIXES and _is_number(f.stem)}

@@ -9,6 +9,7 @@ so there are no pose errors. Images of several sizes or targets are refused.
 
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,10 +47,9 @@ def _is_coco(file: Path) -> bool:
 
 def _read(root: Path, domain: str, split: str) -> PoseSet:
     listing, word = _listings(root)[domain, split]
-    content = read_json(listing)
-    images = content["images"]
-    if not images:
-        raise InputError("is empty", file=listing, field="images", expected="COCO's list of images")
+    content, wrong = read_json(listing), partial(InputError, file=listing)
+    if not (images := content["images"]):
+        raise wrong("is empty", field="images", expected="COCO's list of images")
     rows: dict[Any, int] = {}
     sizes = set()
     for number, image in enumerate(images):
@@ -60,32 +60,27 @@ def _read(root: Path, domain: str, split: str) -> PoseSet:
             sizes.add((int(image["width"]), int(image["height"])))
             str.strip(image["file_name"])
         except (TypeError, KeyError, ValueError):
-            field, expected = f"images.{number}", "id, file_name, width, height"
-            raise InputError("is malformed", file=listing, field=field, expected=expected) from None
+            expected = "id, file_name, width, height"
+            raise wrong("is malformed", field=f"images.{number}", expected=expected) from None
     if len(rows) < len(images):
-        raise InputError("repeats an id", file=listing, field="images", expected="every id once")
+        raise wrong("repeats an id", field="images", expected="every id once")
     if len(sizes) > 1:
-        raise InputError(f"has images of {len(sizes)} sizes", file=listing, expected="images of one camera")
+        raise wrong(f"has images of {len(sizes)} sizes", expected="images of one camera")
     keypoints, category = _model(content["categories"], listing)
     boxes, points = np.full((len(images), 4), np.nan), np.zeros((len(images), len(keypoints), 3))
     for number, entry in enumerate(content["annotations"]):
         where = f"annotations.{number}"
         image = entry.get("image_id") if isinstance(entry, dict) else None
         if not isinstance(image, int | str) or image not in rows:
-            field = f"{where}.image_id"
-            raise InputError("names no image", file=listing, field=field, expected="an id of images")
+            raise wrong("names no image", field=f"{where}.image_id", expected="an id of images")
         if entry.get("category_id") != category or entry.get("iscrowd"):
             continue
         row = rows[image]
         if np.isfinite(boxes[row]).any():
-            problem = "is a second target of its image"
-            raise InputError(problem, file=listing, field=where, expected="one an image")
+            raise wrong("is a second target of its image", field=where, expected="one an image")
         x, y, width, height = numbers_of(entry, "bbox", 4, listing, where)
         if width < 0 or height < 0:
-            field = f"{where}.bbox"
-            raise InputError(
-                "a width or height is negative", file=listing, field=field, expected="x, y, w, h"
-            )
+            raise wrong("a width or height is negative", field=f"{where}.bbox", expected="x, y, w, h")
         boxes[row] = x, y, x + width, y + height
         points[row] = numbers_of(entry, "keypoints", points[row].size, listing, where).reshape(-1, 3)
     unknown = np.full((len(images), 7), np.nan)
@@ -100,21 +95,18 @@ def _read(root: Path, domain: str, split: str) -> PoseSet:
 def _model(categories: list[Any], file: Path) -> tuple[Keypoints, Any]:
     """The one category with keypoints; their places on the body are not known (NaN)."""
     found = [c for c in categories if _has_keypoints(c) and c["keypoints"]]
+    wrong = partial(InputError, file=file)
     if len(found) != 1:
-        raise InputError(
-            f"{len(found)} have keypoints", file=file, field="categories", expected="one that has"
-        )
+        raise wrong(f"{len(found)} have keypoints", field="categories", expected="one that has")
     names = tuple(map(str, found[0]["keypoints"]))
     sigmas, flip = found[0].get("sigmas"), found[0].get("flip_idx")
     if sigmas is not None:
         sigmas = numbers_of(found[0], "sigmas", len(names), file, "categories")
         if not (sigmas > 0).all():
-            field = "categories.sigmas"
-            raise InputError("must be above 0", file=file, field=field, expected="one number a point")
+            raise wrong("must be above 0", field="categories.sigmas", expected="one number a point")
     if flip is not None:
         if not isinstance(flip, list) or sorted(map(repr, flip)) != sorted(map(repr, range(len(names)))):
-            problem, field = "is no order of the points", "categories.flip_idx"
-            raise InputError(problem, file=file, field=field, expected="numbers from 0")
+            raise wrong("is no order of the points", field="categories.flip_idx", expected="numbers from 0")
         flip = tuple(flip)
     points = np.full((len(names), 3), np.nan)
     return Keypoints(str(found[0].get("name", "target")), names, points, sigmas, flip), found[0].get("id")

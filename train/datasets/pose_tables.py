@@ -48,22 +48,16 @@ def _read_spark(root: Path, domain: str, split: str) -> PoseSet:
 
 
 VALIDATION = {"ACE", "CALIPSO", "Dawn", "ExoMars_TGO", "GRAIL", "Integral", "LADEE", "OSIRIS_REX", "Proba_2"}
-VALIDATION |= {
-    "Lunar_Reconnaissance_Orbiter",
-    "Mercury_Magnetospheric_Orbiter",
-    "SOHO",
-    "Suomi_NPP",
-    "Ulysses",
-}
+VALIDATION |= {"Lunar_Reconnaissance_Orbiter", "Mercury_Magnetospheric_Orbiter"}
+VALIDATION |= {"SOHO", "Suomi_NPP", "Ulysses"}
 RESERVED = {"Van_Allen_Probe", "Venus_Express", "Voyager", "WIND", "XMM_newton"}  # for future tests
 
 
 def _lists(root: Path) -> dict[str, list[Path]]:
     """The tables of poses by spacecraft."""
     found: dict[str, list[Path]] = {}
-    for mark in SPACESENSE.marks:
-        for file in sorted(root.glob(mark)):
-            found.setdefault(file.parent.parent.name, []).append(file)
+    for file in (file for mark in SPACESENSE.marks for file in sorted(root.glob(mark))):
+        found.setdefault(file.parent.parent.name, []).append(file)
     return found
 
 
@@ -76,10 +70,9 @@ def _spacesense_domains(root: Path) -> dict[str, tuple[str, ...]]:
 
 def _read_spacesense(root: Path, domain: str, split: str) -> PoseSet:
     files: list[Path] = []
-    quaternions, translations = [], []
-    to_opencv = np.array(
-        [[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]
-    )  # x right, y down, z forward, from AirSim's axes
+    quaternions, shifts = [], []
+    # x right, y down, z forward, from AirSim's axes
+    to_opencv = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
     target = "target_spacecraft_in_camera"
     numbers = [f"{target}_pos_{axis}(m)" for axis in "xyz"] + [f"{target}_quat_{part}" for part in "wxyz"]
     for table in _lists(root)[domain]:
@@ -87,25 +80,16 @@ def _read_spacesense(root: Path, domain: str, split: str) -> PoseSet:
         files += [table.parent / "image" / f"{stamp}.png" for (stamp,) in texts]
         turns = to_opencv @ rotation_matrix(unit_quaternions(values[:, 3:], table))
         quaternions.append(matrix_quaternions(turns, table))
-        translations.append(values[:, :3] @ to_opencv.T)
+        shifts.append(values[:, :3] @ to_opencv.T)
     width, height = image_size(files[0])
     field_of_view_deg = 50.0  # over the width
     focal_px = width / 2 / math.tan(math.radians(field_of_view_deg) / 2)
     matrix = np.array([[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]])
-    return PoseSet(
-        f"{domain}/{split}",
-        Pinhole(width, height, matrix, np.zeros(5)),
-        tuple(files),
-        np.concatenate(quaternions),
-        np.concatenate(translations),
-        spacecraft=domain,
-    )
+    camera, name = Pinhole(width, height, matrix, np.zeros(5)), f"{domain}/{split}"
+    turns, places = np.concatenate(quaternions), np.concatenate(shifts)
+    return PoseSet(name, camera, tuple(files), turns, places, spacecraft=domain)
 
 
 SPARK = Reader("SPARK 2022", ("train/train.csv", "val/val.csv"), _spark_domains, _read_spark)
-SPACESENSE = Reader(
-    "SpaceSense-Bench",
-    ("*/*/pose_ground_truth.csv", "*/*/*/pose_ground_truth.csv"),
-    _spacesense_domains,
-    _read_spacesense,
-)
+_TABLES = ("*/*/pose_ground_truth.csv", "*/*/*/pose_ground_truth.csv")
+SPACESENSE = Reader("SpaceSense-Bench", _TABLES, _spacesense_domains, _read_spacesense)

@@ -23,12 +23,10 @@ class Reader:
     name: str  # of the data set
     marks: tuple[str, ...]  # patterns of files, relative to the root, of which the layout has one
     domains: Callable[[Path], dict[str, tuple[str, ...]]]  # of a root, with the splits that each has
-    read: Callable[
-        [Path, str, str], PoseSet
-    ]  # the images of (root, domain, split); files need not be checked
+    # the images of (root, domain, split); files need not be checked
+    read: Callable[[Path, str, str], PoseSet]
 
     def recognises(self, root: Path) -> bool:
-        """Whether the folder has this layout."""
         return any(next(root.glob(mark), None) is not None for mark in self.marks)
 
 

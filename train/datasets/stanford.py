@@ -67,9 +67,8 @@ def _read_spe3r(root: Path, domain: str, split: str) -> PoseSet:
         problem = f"{unnumbered[0]} has no number, by which images train or validate"
         raise InputError(problem, file=folder / "labels.json", field="filename", expected="img000001")
     numbers = np.array([int(stem) for stem in stems])
-    held_out = ((numbers > 400) & (numbers <= 500)) | (
-        (numbers > 900) & (numbers <= 1000)
-    )  # the authors' loader
+    # as the authors' loader has it
+    held_out = ((numbers > 400) & (numbers <= 500)) | ((numbers > 900) & (numbers <= 1000))
     return poses.select(np.flatnonzero(held_out == (split == "validation")))
 
 

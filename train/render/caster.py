@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from visaug_train.geometry import Keypoints, Pinhole, project_targets, rotation_matrix
 from visaug_train.render.spacecraft import SceneTensors, spacecraft
@@ -18,8 +19,7 @@ FAR = 1e9
 
 @dataclass(frozen=True, eq=False)
 class Views:
-    """What to render, B images. Directions point from the target to the light, in the camera's frame, unit
-    length.
+    """What to render, B images. Directions point from the target to the light, in the camera's frame, unit length.
 
     quaternions (B, 4), translations (B, 3) m, sun (B, 3), sun_level (B), fill (B, 3), fill_level (B).
     """
@@ -36,15 +36,11 @@ class Views:
 
 
 def join(views: Sequence[Views]) -> Views:
-    """All images of several."""
     return Views(*map(np.concatenate, zip(*(vars(view).values() for view in views))))
 
 
 class RayCaster:
-    """Renders one scene through one camera with `samples` x `samples` rays a pixel.
-
-    Images of two devices differ by rounding.
-    """
+    """Renders one scene through one camera with `samples` x `samples` rays a pixel; devices differ by rounding."""
 
     def __init__(
         self, camera: Pinhole, samples: int = 2, scene: SceneTensors | None = None, device: str = "cpu"
@@ -60,7 +56,7 @@ class RayCaster:
         self.rays = torch.tensor(rays, dtype=torch.float32, device=self.device)
 
     @torch.no_grad()
-    def render(self, views: Views) -> tuple[torch.Tensor, torch.Tensor]:
+    def render(self, views: Views) -> tuple[Tensor, Tensor]:
         """Radiance (B, height, width) and the share of each pixel that the target covers, the same shape, on the CPU."""
         with self.device:
             camera, s = self.camera, self.samples
@@ -83,11 +79,8 @@ class RayCaster:
             shape = (len(views), camera.height, camera.width)
             return radiance.reshape(shape).cpu(), covered.reshape(shape).cpu()
 
-    def _rays_at_targets(self, views: Views) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Rays that may meet the target, in the body frame.
-
-        Directions, origins by image, image and pixel of each.
-        """
+    def _rays_at_targets(self, views: Views) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Rays that may meet the target, in the body frame: directions, origins by image, image and pixel of each."""
         camera, s = self.camera, self.samples
         keypoints = Keypoints.load("tango")
         boxes = project_targets(camera, keypoints, views.quaternions, views.translations).boxes
@@ -109,8 +102,8 @@ class RayCaster:
         return torch.cat(directions), origins, torch.cat(owners), torch.cat(places)
 
     def _radiance(
-        self, origin: torch.Tensor, direction: torch.Tensor, sun: torch.Tensor, fill: torch.Tensor
-    ) -> tuple[torch.Tensor, torch.Tensor]:
+        self, origin: Tensor, direction: Tensor, sun: Tensor, fill: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """Radiance of the rays that hit, and the indices of these among all given."""
         distance, part, normal = nearest(self.scene, origin, direction)
         hit = torch.nonzero(distance < FAR).squeeze(1)
@@ -126,19 +119,13 @@ class RayCaster:
         direct = level * lit * reflect(albedo, f0, roughness, shading_normal, view, light)
         sky = fill[hit].norm(dim=1).clamp_min(1e-12)
         toward = (shading_normal * fill[hit]).sum(1) / sky
-        # Half a sky of even light: (1 + cos) / 2 of it is seen; what it mirrors in smooth parts is taken as
-        # its mean.
+        # Half a sky of even light: (1 + cos) / 2 of it is seen; what it mirrors in smooth parts is taken as its mean.
         indirect = sky * (albedo + f0) * (0.5 + 0.5 * toward)
         return direct + indirect, hit
 
 
-def nearest(
-    scene: SceneTensors, origin: torch.Tensor, direction: torch.Tensor
-) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """First box that each ray (N, 3) meets.
-
-    Distance (N) (FAR where none), its index (N), its normal (N, 3).
-    """
+def nearest(scene: SceneTensors, origin: Tensor, direction: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """First box that each ray (N, 3) meets: distance (N) (FAR where none), its index (N), its normal (N, 3)."""
     turns = scene.axes.reshape(-1, 3)  # all boxes in one matrix product, laid out (box, axis, ray)
     shift = (scene.axes @ scene.centres[:, :, None]).reshape(-1, 1)
     shape = (len(scene.axes), 3, len(origin))
@@ -158,17 +145,9 @@ def nearest(
 
 
 def reflect(
-    albedo: torch.Tensor,
-    f0: torch.Tensor,
-    roughness: torch.Tensor,
-    normal: torch.Tensor,
-    view: torch.Tensor,
-    light: torch.Tensor,
-) -> torch.Tensor:
-    """Radiance under a unit sun.
-
-    Lambert and GGX with Smith's shadowing (Walter et al. 2007) and Schlick's Fresnel.
-    """
+    albedo: Tensor, f0: Tensor, roughness: Tensor, normal: Tensor, view: Tensor, light: Tensor
+) -> Tensor:
+    """Radiance under a unit sun: Lambert and GGX with Smith's shadowing (Walter et al. 2007) and Schlick's Fresnel."""
     nl = (normal * light).sum(1).clamp_min(0)
     nv = (normal * view).sum(1).clamp_min(1e-3)
     half = torch.nn.functional.normalize(light + view, dim=1)
@@ -181,7 +160,7 @@ def reflect(
     return albedo * nl + spread * shadowing * fresnel / (4 * nv)
 
 
-def crinkle(normal: torch.Tensor, point: torch.Tensor, amount: torch.Tensor) -> torch.Tensor:
+def crinkle(normal: Tensor, point: Tensor, amount: Tensor) -> Tensor:
     """Tilt the normals of foil: a facet of 35 mm has one tilt, the same at every look."""
     facet = torch.floor(point / 0.035 + 0.37 * torch.roll(point, 1, dims=1) / 0.035 + 100 + 1e-3)
     weights = torch.tensor([[12.9898, 78.233, 37.719], [39.346, 11.135, 83.155], [73.156, 52.235, 9.151]])
@@ -190,12 +169,8 @@ def crinkle(normal: torch.Tensor, point: torch.Tensor, amount: torch.Tensor) -> 
 
 
 def solar_cells(
-    point: torch.Tensor,
-    normal: torch.Tensor,
-    cells: torch.Tensor,
-    albedo: torch.Tensor,
-    roughness: torch.Tensor,
-) -> tuple[torch.Tensor, torch.Tensor]:
+    point: Tensor, normal: Tensor, cells: Tensor, albedo: Tensor, roughness: Tensor
+) -> tuple[Tensor, Tensor]:
     """Bright gaps between the cells of the panel's upper side."""
     across = torch.frac((point[:, :2] + 10.0) / torch.tensor([0.1233, 0.0963]))
     gap = ((across < 0.1).any(dim=1) & (normal[:, 2].abs() > 0.5) & (cells > 0)).float()

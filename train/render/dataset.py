@@ -51,8 +51,7 @@ Distance = Annotated[float, Field(ge=0.5, le=1e4)]
 
 @dataclass(frozen=True)
 class Domain:
-    """How a domain is lit and by which camera it is seen; `brightness` is the target's mean, a share of full
-    scale.
+    """How a domain is lit and by which camera it is seen; `brightness` is the target's mean, a share of full scale.
 
     Without a camera the image is the noiseless 8-bit one that a renderer gives. A domain with `views_of` shows the
     views of another one, image by image, with the same light and the same random numbers, by its own camera.
@@ -138,9 +137,7 @@ def render_dataset(root: str | Path, settings: RenderSettings, progress: Progres
 
 @contextmanager
 def one_torch_thread() -> Iterator[None]:
-    """Parts are rendered beside each other; threads inside their many small steps would only wait for each
-    other.
-    """
+    """Parts are rendered beside each other; threads inside their many small steps would only wait for each other."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -157,8 +154,7 @@ def read_back(settings: RenderSettings) -> dict:
 
 def _draw(camera: Pinhole, settings: RenderSettings, domain: str, number: int) -> Views:
     rng = _stream(settings, domain, number, 0)
-    lighting = DOMAINS[domain].lighting
-    return draw_views(camera, 1, lighting, settings.distance_m, settings.attitude_deg, rng)
+    return draw_views(camera, 1, DOMAINS[domain].lighting, settings.distance_m, settings.attitude_deg, rng)
 
 
 def _render_part(

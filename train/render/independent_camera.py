@@ -13,8 +13,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class IndependentCamera:
-    """A 12-bit camera: photons in, DN out. A level of 0 turns an effect off; the fixed pattern hangs on
-    `serial`.
+    """A 12-bit camera: photons in, DN out. A level of 0 turns an effect off; the fixed pattern hangs on `serial`.
 
     Beyond a base chain (quantum efficiency, shot noise, read noise with heavy tails, pixel and column patterns) it has
 
@@ -64,8 +63,7 @@ class IndependentCamera:
             signal = signal + self.read_noise_e / np.sqrt(2) * rng.standard_t(4, light.shape)
         else:
             signal = signal + self.read_noise_e * rng.standard_normal(light.shape)
-        phase = rng.uniform(0, 2 * np.pi)
-        sine = np.sin(2 * np.pi * np.arange(rows) / self.row_banding_period + phase)
+        sine = np.sin(2 * np.pi * np.arange(rows) / self.row_banding_period + rng.uniform(0, 2 * np.pi))
         signal = signal + self.row_banding_e * sine[:, None]
         if self.row_noise_e:
             signal = signal + self.row_noise_e * rng.standard_normal((rows, 1))
@@ -92,70 +90,32 @@ class IndependentCamera:
         return top + (self.black_level_dn if self.keeps_black else 0.0)
 
     def without_effects(self) -> "IndependentCamera":
-        """The same camera with its base chain alone."""
-        levels = (
-            "row_noise_e",
-            "row_banding_e",
-            "tap_gain",
-            "tap_offset_e",
-            "bloom_share",
-            "flare_share",
-            "bend",
-        )
+        levels = ("row_noise_e", "row_banding_e", "tap_gain", "tap_offset_e")
+        levels += ("bloom_share", "flare_share", "bend")
         return replace(self, **dict.fromkeys(levels, 0.0))
 
 
 # Low light: few electrons at high gain, so read noise and patterns are large against the signal.
-LIGHTBOX_CAMERA = IndependentCamera(
-    serial=11,
-    full_well_e=900.0,
-    e_per_dn=0.25,
-    read_noise_e=14.0,
-    pixel_offset_e=6.0,
-    column_offset_e=9.0,
-    row_banding_e=18.0,
-    tap_gain=0.12,
-    tap_offset_e=22.0,
+_LOW_LIGHT = IndependentCamera(
+    serial=11, full_well_e=900.0, e_per_dn=0.25, read_noise_e=14.0, pixel_offset_e=6.0, column_offset_e=9.0
 )
+LIGHTBOX_CAMERA = replace(_LOW_LIGHT, row_banding_e=18.0, tap_gain=0.12, tap_offset_e=22.0)
 # Hard light on a sensor with a small well: saturation and its consequences.
-SUNLAMP_CAMERA = IndependentCamera(
-    serial=12,
-    full_well_e=1400.0,
-    e_per_dn=0.4,
-    read_noise_e=16.0,
-    pixel_offset_e=5.0,
-    column_offset_e=8.0,
-    bloom_share=0.85,
-    flare_share=0.12,
+_SMALL_WELL = IndependentCamera(
+    serial=12, full_well_e=1400.0, e_per_dn=0.4, read_noise_e=16.0, pixel_offset_e=5.0, column_offset_e=8.0
 )
+SUNLAMP_CAMERA = replace(_SMALL_WELL, bloom_share=0.85, flare_share=0.12)
 # Cameras that pictures alone can tell of: black is above 0, the converter ends before the well is full, and every row and
 # column has an offset.
-LIGHTBOX_LINES_CAMERA = IndependentCamera(
-    serial=13,
-    full_well_e=1500.0,
-    e_per_dn=0.04,
-    black_level_dn=320.0,
-    keeps_black=True,
-    heavy_tails=False,
-    read_noise_e=4.0,
-    column_offset_e=2.4,
-    row_noise_e=2.4,
-)
-SUNLAMP_LINES_CAMERA = replace(
-    LIGHTBOX_LINES_CAMERA,
-    serial=14,
-    full_well_e=2500.0,
-    e_per_dn=0.06,
-    read_noise_e=6.0,
-    column_offset_e=4.0,
-    row_noise_e=4.0,
-)
+_LIFTED_BLACK = IndependentCamera(black_level_dn=320.0, keeps_black=True, heavy_tails=False)
+_DIM = replace(_LIFTED_BLACK, serial=13, full_well_e=1500.0, e_per_dn=0.04)
+_BRIGHT = replace(_LIFTED_BLACK, serial=14, full_well_e=2500.0, e_per_dn=0.06)
+LIGHTBOX_LINES_CAMERA = replace(_DIM, read_noise_e=4.0, column_offset_e=2.4, row_noise_e=2.4)
+SUNLAMP_LINES_CAMERA = replace(_BRIGHT, read_noise_e=6.0, column_offset_e=4.0, row_noise_e=4.0)
 
 
 def _bloom(charge: np.ndarray, full_well_e: float, share: float) -> np.ndarray:
-    """Half of the excess goes up the column, half down; `share` of it survives each step; the rest is
-    drained.
-    """
+    """Half of the excess goes up the column, half down; `share` of it survives each step; the rest is drained."""
     if share <= 0:
         return np.minimum(charge, full_well_e)
     excess = np.maximum(charge - full_well_e, 0)

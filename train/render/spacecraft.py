@@ -25,9 +25,7 @@ MATERIALS = {
 
 @dataclass(frozen=True)
 class Box:
-    """An oriented box: `centre` and `half` sizes in metres, `axes` its unit vectors as rows, in the body
-    frame.
-    """
+    """An oriented box: `centre` and `half` sizes in metres, `axes` its unit vectors as rows, in the body frame."""
 
     centre: tuple[float, float, float]
     half: tuple[float, float, float]
@@ -53,7 +51,6 @@ def rod(start: np.ndarray, end: np.ndarray, radius: float, material: str) -> Box
 
 
 def spacecraft() -> list[Box]:
-    """The parts, from the keypoints' coordinates."""
     keypoints = Keypoints.load("tango")
     p = dict(zip(keypoints.names, keypoints.points_m))
     top = p["panel_3"][2]
@@ -70,12 +67,8 @@ def spacecraft() -> list[Box]:
         box((0.12, 0.06, -0.045), (0.22, 0.16, 0.001), "metal"),
         box((0.17, -0.20, -0.015), (0.29, -0.10, 0.001), "black"),
     ]
-    bases = {
-        "antenna_1": np.array([-0.36, 0.30, 0.24]),
-        "antenna_2": np.array([0.36, 0.30, 0.24]),
-        "antenna_3": np.array([0.305, -0.26, 0.24]),
-    }
-    for name, base in bases.items():
+    bases = np.array([[-0.36, 0.30, 0.24], [0.36, 0.30, 0.24], [0.305, -0.26, 0.24]])
+    for name, base in zip(("antenna_1", "antenna_2", "antenna_3"), bases):
         along = (p[name] - base) / np.linalg.norm(p[name] - base)
         parts.append(rod(base, p[name], 0.012, "metal"))
         parts.append(rod(p[name] - 0.05 * along, p[name], 0.022, "white"))
@@ -93,14 +86,5 @@ class SceneTensors:
 
     @classmethod
     def of(cls, parts: list[Box]) -> "SceneTensors":
-        """Stack the parts."""
-
-        def stack(values: list) -> torch.Tensor:
-            return torch.tensor(np.array(values), dtype=torch.float32)
-
-        return cls(
-            stack([part.centre for part in parts]),
-            stack([part.half for part in parts]),
-            stack([part.axes for part in parts]),
-            stack([MATERIALS[part.material] for part in parts]),
-        )
+        rows = [(part.centre, part.half, part.axes, MATERIALS[part.material]) for part in parts]
+        return cls(*(torch.tensor(np.array(column), dtype=torch.float32) for column in zip(*rows)))

@@ -38,9 +38,7 @@ def draw_views(
     attitude_deg: float,
     rng: np.random.Generator,
 ) -> Views:
-    """`count` views: distance uniform in its logarithm, centre anywhere inside, attitude at most
-    `attitude_deg` off.
-    """
+    """`count` views: distance uniform in its logarithm, centre anywhere inside, attitude at most `attitude_deg` off."""
     z = np.exp(rng.uniform(np.log(distance_m[0]), np.log(distance_m[1]), count))
     # The target's centre keeps 0.45 m from the border where there is room, so that few targets are cut.
     focal = camera.matrix[[0, 1], [0, 1]]
@@ -67,19 +65,14 @@ def draw_views(
 
 
 def draw_earth(camera: Pinhole, share: float, rng: np.random.Generator) -> np.ndarray | None:
-    """The Earth behind the target as radiance (height, width), in `share` of the images.
-
-    It has a limb, clouds and a sea.
-    """
+    """The Earth behind the target as radiance (height, width), in `share` of the images: limb, clouds and sea."""
     if rng.uniform() >= share:
         return None
     shape = (camera.height, camera.width)
     clouds = np.zeros(shape)
     for octave in range(2, 7):
         coarse = rng.normal(size=(2**octave, 2**octave))
-        fine = zoom(
-            coarse, (shape[0] / 2**octave, shape[1] / 2**octave), order=3, grid_mode=True, mode="nearest"
-        )
+        fine = zoom(coarse, [side / 2**octave for side in shape], order=3, grid_mode=True, mode="nearest")
         clouds = clouds + np.asarray(fine)[: shape[0], : shape[1]] * 0.5 ** (octave - 2)
     clouds = np.clip((clouds - clouds.mean()) / clouds.std() * 0.5 + 0.3, 0, 1)
     angle, offset = rng.uniform(0, 2 * np.pi), rng.uniform(-0.6, 0.8) * camera.width / 2

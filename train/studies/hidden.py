@@ -65,15 +65,10 @@ class HiddenEffect:
 
 
 def hidden_cameras(config: Config) -> dict[str, visaug.Camera]:
-    """The test cameras by test set: the plain one, then one for each hidden effect; none where a config hides nothing.
-
-    Raises:
-        InputError: an effect that the camera cannot have.
-    """
+    """The test cameras by test set: the plain one, then one for each hidden effect; none where a config hides nothing."""
     if config.hidden is None:
         return {}
-    vis = config.arm(config.baseline).vis
-    if vis is None:
+    if (vis := config.arm(config.baseline).vis) is None:
         raise InputError("has no `vis`", field=f"arms.{config.baseline}", expected="the noise of a camera")
     if len(vis.cameras) != 1:
         raise InputError("is a list", field=f"arms.{config.baseline}.vis.camera", expected="one camera")
@@ -112,8 +107,7 @@ def hide_effects(
     for domain, camera in cameras.items():
         decides = f"{camera.to_yaml()} {hidden.light} {identity(views)}"
         decides += f" {files}" if (files := taken_from_files(camera)) else ""
-        digest = hashlib.sha256(decides.encode()).hexdigest()[:8]
-        folder = config.output / "cameras" / f"{domain}-{digest}"
+        folder = config.output / "cameras" / f"{domain}-{hashlib.sha256(decides.encode()).hexdigest()[:8]}"
         taken[domain] = take_views(camera, views, folder, domain, hidden.light, progress)
         if domain == PLAIN:
             continue
@@ -191,10 +185,8 @@ def take_views(
         chosen = views.files[first : first + together]
         cleans = {file.name: noiseless(file) * np.float32(white_photons) for file in chosen}
         conditions = ("scene", spec.exposure_s, spec.temperature_c, spec.gain_db)
-        records = [
-            FrameRecord(first_view + first + i, file.name, *conditions, clean=file.name)
-            for i, file in enumerate(chosen)
-        ]
+        numbered = enumerate((file.name for file in chosen), start=first_view + first)
+        records = [FrameRecord(number, name, *conditions, clean=name) for number, name in numbered]
         unread = np.broadcast_to(np.uint16(0), (len(records), *camera.resolution))
         plan = FrameSet.from_arrays(records, unread, cleans, bit_depth=camera.bit_depth)
         frames = simulate(camera, plan, seed=SPECIMEN)
@@ -242,7 +234,6 @@ class Change:
 
     @property
     def clear(self) -> int:
-        """1 or -1 where the interval leaves out 0, else 0."""
         return sign(self.low, self.high)
 
     def __str__(self) -> str:
@@ -265,7 +256,6 @@ class Outcome:
     over_wrong: Change | None
 
     def finding(self) -> str:
-        """What came out, whichever way, in a few sentences."""
         name, domain = self.hidden.effect["name"], self.hidden.domain
         cost, lost = self.cost, self.cost.before - self.cost.after
         costs = f"costs the network {lost:.3f}" if cost.clear < 0 else "costs nothing clear:"
@@ -280,10 +270,8 @@ class Outcome:
             said.append(f"Training with it {VERDICTS[named.clear]} the AP ({change}).")
         if self.wrong is not None and self.over_wrong is not None:
             better = ("not clearly other than", "better than", "worse than")[self.over_wrong.clear]
-            said.append(
-                f"The control, {self.hidden.wrong}, changes it by {self.wrong}: the named effect is {better} that "
-                f"({self.over_wrong})."
-            )
+            control = f"The control, {self.hidden.wrong}, changes it by {self.wrong}"
+            said.append(f"{control}: the named effect is {better} that ({self.over_wrong}).")
         if self.hidden.known == self.hidden.named:
             said.append("Who knew the effect would have trained the same way.")
         elif self.known is not None:
@@ -294,7 +282,6 @@ class Outcome:
         return " ".join(said)
 
     def to_json(self) -> dict[str, Any]:
-        """Numbers of the outcome."""
         hidden, parts = self.hidden, ("cost", "named", "wrong", "known", "over_wrong")
         changes = {name: getattr(self, name) for name in parts}
         return {
@@ -346,11 +333,9 @@ def proof_sections(ablation: "Ablation") -> list[Section]:
     """The sections of a report: the outcome, what the cameras see, and each diagnosis."""
     if not ablation.study.hidden:
         return []
+    title = "What a hidden effect costs, and how much accuracy the diagnosis recovers"
     return [
-        Section(
-            "What a hidden effect costs, and how much accuracy the diagnosis recovers",
-            list(_outcome(ablation)),
-        ),
+        Section(title, list(_outcome(ablation))),
         Section("What the cameras see", [_views(ablation)]),
         Section("How the effects were found", list(_diagnoses(ablation))),
     ]
@@ -374,10 +359,8 @@ def _outcome(ablation: "Ablation") -> Iterator[Text | Table | Figure]:
             "trained with what was named": (o.named, o.domain),
         }
         trained |= {"trained knowing it": (o.known, o.domain)} if o.known != o.named else {}
-        bars = {
-            name: ablation.of_seeds(arm, at, MEASURE) if arm else [] for name, (arm, at) in trained.items()
-        }
-        points[o.effect["name"]] = bars
+        scores = {n: ablation.of_seeds(arm, at, MEASURE) if arm else [] for n, (arm, at) in trained.items()}
+        points[o.effect["name"]] = scores
     if made:
         yield figure(
             plot_scores(points),
@@ -427,7 +410,5 @@ def _diagnoses(ablation: "Ablation") -> Iterator[Text | Table | Figure]:
     for each in ablation.study.hidden:
         error, steps = each.answer["error"], [s for s in each.answer["steps"] if s["error"] is not None]
         if steps:
-            yield figure(
-                plot_error_steps(steps, error["before"], error["floor"]),
-                f"{each.domain}: the error of the camera's file falling, on frames that were not used for finding.",
-            )
+            said = "the error of the camera's file falling, on frames that were not used for finding."
+            yield figure(plot_error_steps(steps, error["before"], error["floor"]), f"{each.domain}: {said}")

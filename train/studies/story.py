@@ -44,11 +44,7 @@ def story_sections(
 
 
 def real_camera() -> tuple[visaug.Camera, visaug.FrameSet]:
-    """The 12-bit CCD's published parameters and its frames, which are in the source tree alone.
-
-    Raises:
-        InputError: visaug was installed from a wheel, which has no frames under a share-alike licence.
-    """
+    """The 12-bit CCD's published parameters and its frames, which are share-alike and so in the source tree alone."""
     if not REAL.is_dir():
         problem = "is not in the wheel: its licence is CC BY-SA 3.0"
         raise InputError(problem, file=REAL, expected="a clone, or the source archive")

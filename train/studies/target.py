@@ -64,8 +64,7 @@ def check_cameras(config: Config) -> None:
     for name, made in config.cameras.items():
         if made.rendered is not None and (config.data.rendered is None or made.rendered not in _known()):
             problem, field = f"the camera of {made.rendered} is not known", f"cameras.{name}.rendered"
-            expected = f"data.rendered and one of {', '.join(_known())}"
-            raise InputError(problem, field=field, expected=expected)
+            raise InputError(problem, field=field, expected=f"data.rendered and one of {', '.join(_known())}")
 
 
 def make_cameras(
@@ -76,15 +75,13 @@ def make_cameras(
     `read` gives the pictures of a source; those that give no camera are refused.
     """
     made: list[TargetCamera] = []
-    total = len(config.cameras)
+    total, say = len(config.cameras), progress or (lambda *_: None)
     for name, each in config.cameras.items():
-        if progress:
-            progress("cameras of the target", len(made), total)
-        made.append(
-            _estimated(config, name, read(each.pictures)) if each.pictures else _true(config, name, each)
-        )
-    if progress and made:
-        progress("cameras of the target", total, total)
+        say("cameras of the target", len(made), total)
+        given = each.pictures
+        made.append(_estimated(config, name, read(given)) if given else _true(config, name, each))
+    if made:
+        say("cameras of the target", total, total)
     files = {camera.name: str(camera.file) for camera in made}
     arms = {}
     for name, arm in config.arms.items():
@@ -126,18 +123,14 @@ def _estimated(config: Config, name: str, poses: PoseSet) -> TargetCamera:
 def _seen_size(config: Config, name: str, poses: PoseSet) -> tuple[int, int] | None:
     """Width and height of the images that arms give this camera's noise: as the network gets them.
 
-    None where these are the pictures', or the noise comes on the sensor's pixels. The camera is estimated from whole pictures:
-    small ones hold hardly any region that is flat.
-
-    Raises:
-        InputError: some arms do the one, some the other.
+    None where these are the pictures', or the noise comes on the sensor's pixels, in all of its arms. The camera is estimated
+    from whole pictures: small ones hold hardly any region that is flat.
     """
     parts = [part for arm in config.arms.values() for part in (arm.vis, arm.white)]
     places = {part.resolution for part in parts if part and name in part.cameras}
     if len(places) > 1:
-        expected = (
-            "vis.resolution network or sensor in all of its arms, or another camera of the same pictures"
-        )
+        expected = "vis.resolution network or sensor in all of its arms"
+        expected += ", or another camera of the same pictures"
         raise InputError("arms use it at both resolutions", field=f"cameras.{name}", expected=expected)
     size = config.seen_size(poses.camera)
     return None if places == {"sensor"} or tuple(size) == poses.camera.size else size
@@ -250,14 +243,12 @@ def _gain(
 
 
 def gain_table(found: list[ArmGain], baseline: str, oracle: str) -> tables.ResultTable:
-    """A row for each arm and domain."""
     won, share = f"change by {oracle}", f"share of what {oracle} gains"
     head = ["arm", "test set", baseline, "change by the arm", won, share]
-    signed = tables.signed
-    rows = [
-        [g.arm, " and ".join(g.domains), f"{g.baseline:.3f}", signed(*g.gain), signed(*g.oracle), str(g)]
-        for g in found
-    ]
+    rows = []
+    for g in found:
+        changes = [tables.signed(*each) for each in (g.gain, g.oracle)]
+        rows.append([g.arm, " and ".join(g.domains), f"{g.baseline:.3f}", *changes, str(g)])
     title = "Keypoint AP50-95 (COCO's): what knowing the camera gains, and the share of it"
     return tables.ResultTable(title, head, rows)
 
@@ -284,10 +275,8 @@ def _gains(ablation: "Ablation") -> Iterator[Text | Table | Figure]:
         )
         if len(gain.domains) == most:
             yield Text(finding, "finding")
-    scores = {
-        domain: {arm: ablation.of_seeds(arm, domain, MEASURE) for arm in ablation.means}
-        for domain in target_sets(ablation)
-    }
+    arms, domains = ablation.means, target_sets(ablation)
+    scores = {d: {arm: ablation.of_seeds(arm, d, MEASURE) for arm in arms} for d in domains}
     yield figure(plot_scores(scores), "Keypoint AP50-95 (COCO's). Bars: mean over seeds. Dots: seeds.")
     table = gain_table(ablation.gains, baseline, oracle)
     yield Table(table.head, table.rows, f"{table.title}, with 95 % intervals.")

@@ -34,19 +34,9 @@ _HOME = {
     "srgb_to_linear": "exposure",
 }
 
-__all__ = [
-    "AlbumentationsNoise",
-    "ImageNoise",
-    "SensorNoise",
-    "TorchvisionNoise",
-    "VISNoise",
-    "draws_from_json",
-    "draws_to_json",
-    "image_to_photons",
-    "irradiance_to_photons",
-    "linear_to_srgb",
-    "srgb_to_linear",
-]
+__all__ = ["AlbumentationsNoise", "ImageNoise", "SensorNoise", "TorchvisionNoise", "VISNoise"]
+__all__ += ["draws_from_json", "draws_to_json", "image_to_photons", "irradiance_to_photons"]
+__all__ += ["linear_to_srgb", "srgb_to_linear"]
 
 
 def __getattr__(name: str) -> Any:

@@ -27,11 +27,7 @@ def with_transfer(noise: nn.Module, dataset: Any) -> tuple[nn.Module, str]:
 
 
 def with_bands(noise: nn.Module, channels: int) -> tuple[nn.Module, str]:
-    """The noise for images of this many channels, none of which ultralytics takes as alpha, and what that means in words.
-
-    Raises:
-        InputError: a colour camera, or one sensor for all channels (`mono=True`), where there are 2 or more than 3.
-    """
+    """The noise for images of this many channels, none of which ultralytics takes as alpha, and what that means in words."""
     parts = [part for part in noise.modules() if isinstance(part, SensorNoise)]
     if channels in (1, 3) or not parts:
         return noise, ""

@@ -96,9 +96,6 @@ def light_channels(channels: int, mono: bool | None, alpha: bool = False) -> int
         channels: 1 is gray and 3 colour; 2 and 4 are these with alpha. More are bands of a multispectral image.
         mono: False makes every channel a band, with a sensor of its own.
         alpha: the last of 2 or 4 channels is known to be alpha, whatever `mono`.
-
-    Raises:
-        InputError: more than four channels with mono=True.
     """
     if channels > MOST_COLOURS + 1 and mono:
         problem = f"has {channels} channels, which one sensor cannot give"

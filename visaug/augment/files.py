@@ -36,39 +36,26 @@ AS_IT_IS = "/as it is"  # follows the hash of a copy without noise of a file tha
 
 @dataclass
 class Augmented:
-    """What a call did.
+    """What a call did."""
 
-    Attributes:
-        written: number of copies written.
-        kept: number of copies that an earlier call with the same settings had made.
-        replaced: how many of the written ones replaced a copy of an earlier call, or with `force` another file.
-        failed: a line for each picture that could not be used.
-        skipped: suffix -> number of files in the folders that are no pictures, and were not carried.
-        excluded: number of pictures that the patterns left out, and that were not carried.
-        assumed: (transfer function, reason) -> number of copies written on that assumption.
-        coloured: number of copies written of colour pictures with noise.
-        clipped: number of floating-point pictures with values outside [0, 1], which a sensor cuts.
-        unlabelled: number of pictures without YOLO labels, where YOLO labels were copied for others.
-        carried: number of other files that were copied as they are, with `labels`.
-        like_labels: reason -> number of files that look like labels and were copied without noise.
-        outputs: folders in which copies of this or an earlier call were passed over; see `visaug.augment.jobs.CopyPlan`.
-        again: inputs that hold nothing but copies of earlier calls.
-    """
-
-    written: int = 0
-    kept: int = 0
-    replaced: int = 0
-    failed: list[str] = field(default_factory=list)
+    written: int = 0  # copies
+    kept: int = 0  # copies that an earlier call with the same settings had made
+    replaced: int = 0  # written ones that replaced a copy of an earlier call, or with `force` another file
+    failed: list[str] = field(default_factory=list)  # a line for each picture that could not be used
+    # suffix -> files in the folders that are no pictures, and were not carried
     skipped: Counter[str] = field(default_factory=Counter)
-    excluded: int = 0
+    excluded: int = 0  # pictures that the patterns left out, and that were not carried
+    # (transfer function, reason) -> copies written on that assumption
     assumed: Counter[tuple[str, str]] = field(default_factory=Counter)
-    coloured: int = 0
-    clipped: int = 0
-    unlabelled: int = 0
-    carried: int = 0
+    coloured: int = 0  # copies written of colour pictures with noise
+    clipped: int = 0  # floating-point pictures with values outside [0, 1], which a sensor cuts
+    unlabelled: int = 0  # pictures without YOLO labels, where YOLO labels were copied for others
+    carried: int = 0  # other files that were copied as they are, with `labels`
+    # reason -> files that look like labels and were copied without noise
     like_labels: Counter[str] = field(default_factory=Counter)
+    # folders in which copies of this or an earlier call were passed over; see `visaug.augment.jobs.CopyPlan`
     outputs: list[Path] = field(default_factory=list)
-    again: list[Path] = field(default_factory=list)
+    again: list[Path] = field(default_factory=list)  # inputs that hold nothing but copies of earlier calls
 
 
 def augment_files(
@@ -113,10 +100,6 @@ def augment_files(
     Returns:
         What was done. Pictures that cannot be used are named in it and do not stop the others. A file that looks like
         labels is copied without noise, see `visaug.augment.label_images`.
-
-    Raises:
-        InputError: no pictures, none that can be used, two with the same place in `output`, an output that
-            has the name of a picture, or would overwrite an original, or a file that visaug did not write in the place of a copy.
     """
     output, seed = Path(output), as_seed(seed)
     p, bits = probability(p), used_bits(bits)
@@ -238,8 +221,7 @@ class _Work:
 
     def copy_label(self, name: str, source: Path) -> None:
         """The YOLO labels of a picture."""
-        label = find_label(source)
-        if label is None:
+        if (label := find_label(source)) is None:
             self.done.unlabelled += 1
             return
         self.labelled += 1
@@ -273,7 +255,6 @@ def add_noise(picture: Picture, noise: SensorNoise, seed: int, bits: int | None 
     Args:
         picture: floating-point values outside [0, 1] are cut first, as a sensor does.
         noise: whose transfer "auto" means the picture's own.
-        seed: of the noise.
         bits: depth of the data in 16-bit words.
     """
     pixels, colours = picture.pixels, picture.colours
@@ -293,12 +274,7 @@ def add_noise(picture: Picture, noise: SensorNoise, seed: int, bits: int | None 
 
 
 def _white(picture: Picture, bits: int | None) -> float:
-    """The value of white.
-
-    Raises:
-        InputError: values above that of `bits`, or floats that are all whole and exceed 1, as a picture of 0 to 255 has
-            them: light in [0, 1] would have fractions.
-    """
+    """The value of white; floats that are all whole and exceed 1, as a picture of 0 to 255 has them, are refused."""
     light = picture.light
     check_bits(bits, "floating point" if light.dtype.kind == "f" else light.dtype.name)
     if light.dtype.kind == "f":

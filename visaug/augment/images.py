@@ -45,9 +45,7 @@ def to_unit(image: Tensor, bits: int | None) -> Tensor:
 
 def from_unit(image: Tensor, dtype: torch.dtype, bits: int | None) -> Tensor:
     """The inverse of `to_unit`, rounded."""
-    if dtype.is_floating_point:
-        return image.to(dtype)
-    return (image * _top(dtype, bits)).round().to(dtype)
+    return image.to(dtype) if dtype.is_floating_point else (image * _top(dtype, bits)).round().to(dtype)
 
 
 def _top(dtype: torch.dtype, bits: int | None) -> int:
@@ -56,16 +54,10 @@ def _top(dtype: torch.dtype, bits: int | None) -> int:
 
 
 def check_bits(bits: int | None, kind: str) -> None:
-    """Refuses a number of bits for data of a type to which it has no meaning.
-
-    Args:
-        bits: of 16-bit words.
-        kind: name of the type, for example uint8.
-    """
+    """Refuses a number of bits of 16-bit words for data of another type."""
     if bits is not None and kind != "uint16" and not (kind == "uint8" and bits == 8):
         problem = f"{bits} bit are given for an image of {kind}, whose range is known"
-        expected = "no number of bits; only images of uint16 need one"
-        raise InputError(problem, field="bits", expected=expected)
+        raise InputError(problem, field="bits", expected="no number of bits; only images of uint16 need one")
 
 
 def take(
@@ -121,11 +113,7 @@ def say_what_auto_means(noise: SensorNoise) -> None:
 
 
 def to_tensor(image: Any) -> Tensor:
-    """A PIL image, array (H, W), (H, W, C) or tensor (C, H, W) as a tensor (C, H, W).
-
-    Raises:
-        InputError: something else, channels in the wrong place, or a PIL mode that holds no light.
-    """
+    """A PIL image, array (H, W), (H, W, C) or tensor (C, H, W) as a tensor (C, H, W)."""
     if isinstance(image, Tensor):
         if image.ndim != 3:
             raise InputError(f"an image has shape {tuple(image.shape)}", expected="(C, H, W)")
@@ -212,9 +200,7 @@ class ImageNoise:
 
     def __call__(self, image: Any) -> Any:
         to_tensor(image)  # refuses what is no image, whether or not it gets noise
-        if torch.rand(()) >= self.p:
-            return image
-        return self.noised(image, self.noise.draw(1), self.order)
+        return image if torch.rand(()) >= self.p else self.noised(image, self.noise.draw(1), self.order)
 
     def noised(self, image: Any, draws: Mapping[str, torch.Tensor], order: str) -> Any:
         """The image with the noise of the draws; order is that of an array or tensor."""
@@ -228,33 +214,21 @@ class ImageNoise:
 
 
 def channel_order(order: str) -> str:
-    """The value, if it is an order of colour channels.
-
-    Raises:
-        InputError: it is neither RGB nor BGR.
-    """
+    """The value, if it is an order of colour channels."""
     if order not in ("RGB", "BGR"):
         raise InputError(f"{order!r} is not a choice", field="order", expected="RGB or BGR")
     return order
 
 
 def probability(p: float) -> float:
-    """The value, if it is a probability.
-
-    Raises:
-        InputError: it is not in [0, 1].
-    """
+    """The value, if it is a probability."""
     if isinstance(p, bool) or not isinstance(p, Real) or not 0 <= p <= 1:
         raise InputError(f"{p!r} is not a probability", field="p", expected="a number from 0 to 1")
     return float(p)
 
 
 def used_bits(bits: int | None) -> int | None:
-    """The value, if it is a number of bits that uint16 data can use.
-
-    Raises:
-        InputError: it is not in 1 to 16.
-    """
+    """The value, if it is a number of bits that uint16 data can use."""
     if bits is None:
         return None
     if not is_whole(bits) or not 1 <= bits <= 16:

@@ -13,20 +13,14 @@ from visaug.core.errors import InputError
 
 @dataclass
 class CopyPlan:
-    """Place below the output folder -> original, in the order of names; and what folders held besides.
+    """Place below the output folder -> original, in the order of names; and what folders held besides."""
 
-    Attributes:
-        sources: name of each copy -> its original.
-        others: name -> file that is no picture, or not one of those chosen.
-        outputs: folders of the inputs in which copies of `visaug augment` were passed over: all of a folder below an input, and
-            in an input itself the copies alone.
-        again: inputs that hold nothing but such copies, which are read.
-    """
-
-    sources: dict[str, Path] = field(default_factory=dict)
-    others: dict[str, Path] = field(default_factory=dict)
+    sources: dict[str, Path] = field(default_factory=dict)  # name of each copy -> its original
+    others: dict[str, Path] = field(default_factory=dict)  # name -> no picture, or not one of those chosen
+    # folders of the inputs in which copies of `visaug augment` were passed over: all of a folder below an input, and in an
+    # input itself the copies alone
     outputs: list[Path] = field(default_factory=list)
-    again: list[Path] = field(default_factory=list)
+    again: list[Path] = field(default_factory=list)  # inputs that hold nothing but such copies
 
 
 def plan_jobs(
@@ -42,9 +36,6 @@ def plan_jobs(
         copies: of each picture; with more than one, `a.png` becomes `a_1.png`, `a_2.png`, ...
         include: patterns, of which a picture has to match one; see `matches`. Empty means every picture.
         exclude: patterns, of which it may match none.
-
-    Raises:
-        InputError: no pictures, or a pattern to include that matches nothing.
     """
     jobs = CopyPlan()
     unused = set(include)
@@ -73,19 +64,10 @@ def plan_jobs(
 
 
 def check_kept(output: Path, written: Mapping[str, Path]) -> None:
-    """Refuse places that are, or lead by a link to, a file that is read.
-
-    Args:
-        output: folder of the copies.
-        written: name of each file below it -> what it is made of.
-
-    Raises:
-        InputError: an original would be overwritten.
-    """
+    """Refuse places that are, or lead by a link to, a file that is read; `written`: name below `output` -> its original."""
     read = {source.resolve(): source for source in written.values()}
     for name in written:
-        original = read.get(place_of(output, name).resolve())
-        if original is not None:
+        if (original := read.get(place_of(output, name).resolve())) is not None:
             raise InputError("would be overwritten", file=original, expected="another output folder")
 
 
@@ -126,18 +108,15 @@ def label_place(picture: Path) -> Path:
     The last folder `images` of the path is replaced by `labels`; without one, the folder is the same.
     """
     parts = list(picture.absolute().parts)
-    folders = [number for number, part in enumerate(parts[:-1]) if part == "images"]
-    if folders:
+    if folders := [number for number, part in enumerate(parts[:-1]) if part == "images"]:
         parts[folders[-1]] = "labels"
     return Path(*parts).with_suffix(".txt")
 
 
 def find_label(picture: Path) -> Path | None:
     """The YOLO labels of a picture: in the parallel folder `labels`, or beside it."""
-    for place in (label_place(picture), picture.with_suffix(".txt")):
-        if place.is_file():
-            return place
-    return None
+    places = label_place(picture), picture.with_suffix(".txt")
+    return next((place for place in places if place.is_file()), None)
 
 
 def _files(start: Path, output: Path, jobs: CopyPlan) -> Iterator[tuple[str, Path]]:

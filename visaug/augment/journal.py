@@ -24,11 +24,7 @@ class Journal:
     Lines of JSON, the last of a name counts: one before a file is written, so that an interrupted run knows it as its own,
     and one after. A file is done if it is there as it was written and was made of the same: settings, code, maps and original,
     as one hash.
-    One command at a time writes into the folder.
-
-    Args:
-        folder: of the files.
-        force: files that visaug did not write may be replaced.
+    One command at a time writes into the folder. With `force`, files that visaug did not write may be replaced.
     """
 
     def __init__(self, folder: Path, force: bool = False) -> None:
@@ -60,9 +56,8 @@ class Journal:
         foreign = [name for name in names if name not in self.made and place_of(self.folder, name).exists()]
         if foreign and not self.force:
             more = f" (and {len(foreign) - 1} more)" if len(foreign) > 1 else ""
-            raise _not_replaced(
-                f"exists, and visaug did not write it{more}", place_of(self.folder, foreign[0])
-            )
+            problem = f"exists, and visaug did not write it{more}"
+            raise _not_replaced(problem, place_of(self.folder, foreign[0]))
 
     def begin(self, name: str) -> None:
         """The file is about to be written; see `check`."""

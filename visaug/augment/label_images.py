@@ -17,12 +17,7 @@ CLASSES = {"mask", "masks", "seg", "segm", "segmentation", "semantic", "instance
 
 
 def why_labels(name: str, picture: Picture) -> str | None:
-    """The reason to take an image for labels, in a few words; None for a picture.
-
-    Args:
-        name: its path below the folder that was given.
-        picture: what it holds.
-    """
+    """The reason to take an image, by its path below a folder and by what it holds, for labels; None for a picture."""
     if PurePosixPath(name).suffix.lower() in (".jpg", ".jpeg"):
         return None
     words = words_of(name)

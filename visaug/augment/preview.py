@@ -26,19 +26,12 @@ CONDITIONS = ((0, 1.0), (12, 1.0), *((24, share) for share in (1.0, 0.3, 0.1, 0.
 
 @dataclass(frozen=True)
 class NoiseSample:
-    """A camera's noise on a picture.
+    """A camera's noise on a picture."""
 
-    Attributes:
-        name: the camera's.
-        crop: (H, W, 3) uint8, to be shown pixel by pixel.
-        sigma: standard deviation at each of `LEVELS`, in 8-bit levels (0 to 255).
-        conditions: gain and exposure, in words.
-    """
-
-    name: str
-    crop: np.ndarray
-    sigma: tuple[float, ...]
-    conditions: str = ""
+    name: str  # the camera's
+    crop: np.ndarray  # (H, W, 3) uint8, to be shown pixel by pixel
+    sigma: tuple[float, ...]  # standard deviation at each of `LEVELS`, in 8-bit levels (0 to 255)
+    conditions: str = ""  # gain and exposure, in words
 
 
 def sample(
@@ -122,10 +115,8 @@ def liveliest(crop: np.ndarray, rows: int, columns: int) -> tuple[slice, slice]:
     middling = grey * (255 - grey)
     tops = np.unique(np.linspace(0, height - rows, 9).astype(int))
     lefts = np.unique(np.linspace(0, width - columns, 9).astype(int))
-    top, left = max(
-        ((t, e) for t in tops for e in lefts),
-        key=lambda at: middling[at[0] : at[0] + rows, at[1] : at[1] + columns].sum(),
-    )
+    places = ((top, left) for top in tops for left in lefts)
+    top, left = max(places, key=lambda at: middling[at[0] : at[0] + rows, at[1] : at[1] + columns].sum())
     return slice(int(top), int(top) + rows), slice(int(left), int(left) + columns)
 
 

@@ -12,19 +12,8 @@ import torch
 from torch import Tensor, distributed, nn
 from torch.utils.data import get_worker_info
 
+from visaug.augment import exposure as exposures
 from visaug.augment import options
-from visaug.augment.exposure import (
-    Exposure,
-    are_bands,
-    check_images,
-    check_number_of_draws,
-    check_values,
-    is_gray,
-    light_channels,
-    linear_to_srgb,
-    luminance,
-    srgb_to_linear,
-)
 from visaug.augment.options import Range
 from visaug.camera import Camera, fast
 from visaug.camera.paths import place_of
@@ -127,11 +116,9 @@ class SensorNoise(nn.Module):
         self.resolution = options.check_choice("resolution", resolution)
         self.fast, self.seed, self.origin = fast, options.check_seed(seed), options.check_origin(origin)
         self.mono = options.check_flag("mono", mono)
-        if full_scale_photons is not None:
-            full_scale_photons = options.check_number(
-                "full_scale_photons", full_scale_photons, 0, 1e12, above=True
-            )
-        self.full_scale_photons = full_scale_photons
+        self.full_scale_photons = photons = full_scale_photons
+        if photons is not None:
+            self.full_scale_photons = options.check_number("full_scale_photons", photons, 0, 1e12, above=True)
         self.gain_db = options.check_range("gain_db", gain_db, -60, 120)
         # At the least a pixel of the largest full wells (1e6 e-) holds one electron.
         self.exposure = options.check_range("exposure", exposure, 1e-6, 1)
@@ -218,10 +205,9 @@ class SensorNoise(nn.Module):
         return self._generator[1]
 
     def forward(self, images: Tensor) -> Tensor:
-        check_images(images)
-        check_values(images)
-        draws = self.draw(images.shape[0])
-        return self._noisy(images, draws, None)
+        exposures.check_images(images)
+        exposures.check_values(images)
+        return self._noisy(images, self.draw(images.shape[0]), None)
 
     def apply_draws(self, images: Tensor, draws: Mapping[str, Tensor], transfer: str | None = None) -> Tensor:
         """Applies the noise given by `draws`: the same draws and images give the same noise.
@@ -235,19 +221,19 @@ class SensorNoise(nn.Module):
             draws: the result of `draw(B)`.
             transfer: meaning of "auto" for these images: "linear" (also if None) or "srgb".
         """
-        check_images(images)
-        check_values(images)
-        check_number_of_draws(draws, images)
+        exposures.check_images(images)
+        exposures.check_values(images)
+        exposures.check_number_of_draws(draws, images)
         return self._noisy(images, draws, transfer)
 
     def _noisy(self, images: Tensor, draws: Mapping[str, Tensor], transfer: str | None) -> Tensor:
         """What the cameras make of images that have been checked."""
         if self.strength == 0 or len(images) == 0:
             return images.clone()  # what is done to it in place does not reach the input
-        lit = light_channels(images.shape[1], self.mono)
+        lit = exposures.light_channels(images.shape[1], self.mono)
         encoded = (transfer if self.transfer == "auto" else self.transfer) == "srgb"
         light = images[:, :lit].float()
-        light = srgb_to_linear(light) if encoded else light
+        light = exposures.srgb_to_linear(light) if encoded else light
         groups = self._groups(draws)
         # in float32 also within autocast, whose half precision is coarser than the noise
         device = images.device.type
@@ -283,10 +269,10 @@ class SensorNoise(nn.Module):
         Returns:
             The same shape and type; None where only `apply_draws` can: colour, several cameras, effects on the picture.
         """
-        check_number_of_draws(draws, images)
+        exposures.check_number_of_draws(draws, images)
         camera = self.cameras[0]
         plain = len(self.cameras) == 1 and not camera.finishes and self.strength > 0
-        plain = plain and (images.shape[1] == 1 or are_bands(images.shape[1], self.mono))
+        plain = plain and (images.shape[1] == 1 or exposures.are_bands(images.shape[1], self.mono))
         plain = plain and not (camera.spec.colour and self.mono is None)
         if not plain or self._pixels_per_pixel(camera, images) > 1:
             return None
@@ -302,20 +288,20 @@ class SensorNoise(nn.Module):
         scale = self._pixels_per_pixel(camera, light)
         exposure = self._exposure(camera, draws, light)
         colour = camera.colour_path(self.origin or (0, 0)) if self.mono is None else None
-        mono = colour is None and not are_bands(light.shape[1], self.mono)
-        gray = mono and is_gray(light)
-        seen = light[:, :1] if gray else luminance(light) if mono else light
+        mono = colour is None and not exposures.are_bands(light.shape[1], self.mono)
+        gray = mono and exposures.is_gray(light)
+        seen = light[:, :1] if gray else exposures.luminance(light) if mono else light
         noisy = exposure.of_light(seen, colour, scale)
         if gray:
             noisy = noisy.expand(light.shape).contiguous()
         elif mono:
             noisy = (noisy + (light - seen)).clamp(0, 1)
         elif colour is not None and light.shape[1] == 1:
-            noisy = luminance(noisy)
-        noisy = linear_to_srgb(noisy) if encoded else noisy
+            noisy = exposures.luminance(noisy)
+        noisy = exposures.linear_to_srgb(noisy) if encoded else noisy
         return exposure.finish(noisy) if camera.finishes else noisy
 
-    def _exposure(self, camera: Camera, draws: Mapping[str, Tensor], light: Tensor) -> Exposure:
+    def _exposure(self, camera: Camera, draws: Mapping[str, Tensor], light: Tensor) -> exposures.Exposure:
         may_be_fast, known = self._may_be_fast(light), camera.arrays()
         changed = {path: value for path, value in draws.items() if path in known}
         for path, value in self._given().items():
@@ -324,7 +310,7 @@ class SensorNoise(nn.Module):
                 raise InputError(problem, field=path, expected="one number, or one for each image")
             if path in known:  # of a population some cameras may lack an effect
                 changed[path] = value
-        return Exposure(camera, draws, changed, light.device, may_be_fast, self)
+        return exposures.Exposure(camera, draws, changed, light.device, may_be_fast, self)
 
     def _given(self) -> dict[str, Tensor]:
         """The replacements of camera parameters by path."""
@@ -380,7 +366,6 @@ def _rank() -> int:
 
 def _population(camera: Source | Sequence[Source]) -> tuple[Camera, ...]:
     several = camera if isinstance(camera, Sequence) and not isinstance(camera, str) else [camera]
-    cameras = tuple(Camera.load(one) for one in several)
-    if not cameras:
+    if not (cameras := tuple(Camera.load(one) for one in several)):
         raise InputError("the population is empty", field="camera", expected="one camera or more")
     return cameras

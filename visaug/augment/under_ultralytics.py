@@ -85,11 +85,8 @@ def sources(trainer: Any) -> list[str]:
 
 
 def check_sources(trainer: Any) -> None:
-    """Before a training starts.
-
-    Raises:
-        InputError: noise would be added twice; a training that began with noise goes on without; or the noise is in
-            `augmentations=`, which ultralytics passes over for this task or number of channels.
+    """Before a training starts: refuses noise that would be added twice, that a training had and loses, or that is in
+    `augmentations=`, which ultralytics passes over for this task or number of channels.
     """
     found = sources(trainer)
     if len(found) > 1:
@@ -197,8 +194,7 @@ def _with_noise(init: Callable[..., None]) -> Callable[..., None]:
     def restored(
         albumentations: Any, p: float = 1.0, transforms: Any = None, *more: Any, **named: Any
     ) -> None:
-        wanted = number_of_noises(transforms)
-        if wanted:
+        if wanted := number_of_noises(transforms):
             for load in LOADERS:
                 load()
         init(albumentations, p, transforms, *more, **named)
@@ -221,9 +217,8 @@ def _noises(transform: Any) -> Iterator[Any]:
 
 def _built(dataset: Any) -> Iterator[Any]:
     """Every Albumentations among the transforms of a dataset, or of several as one."""
-    waiting = [
-        part.transforms for part in getattr(dataset, "datasets", [dataset]) if hasattr(part, "transforms")
-    ]
+    parts = getattr(dataset, "datasets", [dataset])
+    waiting = [part.transforms for part in parts if hasattr(part, "transforms")]
     while waiting:
         one = waiting.pop()
         if type(one).__name__ == "Albumentations":

@@ -83,20 +83,10 @@ class VISNoise(IntensityAugmentationBase2D):
     ):
         p = check_number("p", p, 0, 1)
         super().__init__(p=p, same_on_batch=same_on_batch, keepdim=keepdim)
-        self.sensor = SensorNoise(
-            camera,
-            fixed_pattern=fixed_pattern,
-            transfer=transfer,
-            black_level=black_level,
-            resolution=resolution,
-            fast=fast,
-            seed=seed,
-            mono=mono,
-            gain_db=gain_db,
-            exposure=exposure,
-            strength=strength,
-            **further,
-        )
+        words: dict[str, Any] = {"fixed_pattern": fixed_pattern, "transfer": transfer, "fast": fast}
+        words |= {"black_level": black_level, "resolution": resolution, "mono": mono, "seed": seed}
+        words |= {"gain_db": gain_db, "exposure": exposure, "strength": strength}
+        self.sensor = SensorNoise(camera, **words, **further)
 
     def forward(self, input: Any, *args: Any, **kwargs: Any) -> Any:
         if not isinstance(input, Tensor) or not input.dtype.is_floating_point:

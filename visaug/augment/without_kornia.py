@@ -11,11 +11,6 @@ class Augmentation(nn.Module):
     """An augmentation with a probability for each image, whose draws can be repeated.
 
     The random numbers are drawn in kornia's order, so that the same seed gives the same noise with and without kornia.
-
-    Args:
-        p: probability that an image is changed.
-        same_on_batch: one draw for all images of a batch.
-        keepdim: return the shape of the input; False returns (B, C, H, W).
     """
 
     # of the augmentation itself

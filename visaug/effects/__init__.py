@@ -7,17 +7,8 @@ from visaug.effects.catalogue import catalogue, load_file, register, registered
 from visaug.effects.effect import Context, Effect, FrameSummary, Stage
 from visaug.effects.parameter import Parameter
 
-__all__ = [
-    "Context",
-    "Effect",
-    "FrameSummary",
-    "Parameter",
-    "Stage",
-    "catalogue",
-    "load_file",
-    "register",
-    "registered",
-]
+__all__ = ["Context", "Effect", "FrameSummary", "Parameter", "Stage"]
+__all__ += ["catalogue", "load_file", "register", "registered"]
 
 
 def __getattr__(name: str) -> type[Effect]:

@@ -114,8 +114,7 @@ def _defined(path: Path, source: bytes) -> list[type[Effect]]:
         raise
     except BaseException as error:  # a file may raise anything, and may call sys.exit
         raise InputError(f"{path}: cannot be imported: {described(error)}") from error
-    effects = _effects_in(module)
-    if not effects:
+    if not (effects := _effects_in(module)):
         nameless = next((c.__name__ for c in _classes_in(module)), None)
         why = f"; {nameless} has no name, expected name = 'my_effect' in the class" if nameless else ""
         raise InputError(f"{path}: defines no Effect{why}; see `visaug effects new NAME` for one that runs")
@@ -166,8 +165,7 @@ def _effects_in(module: ModuleType) -> dict[str, type[Effect]]:
     effects: dict[str, type[Effect]] = {}
     for effect in (c for c in _classes_in(module) if c.name):
         check_definition(effect)
-        other = effects.setdefault(effect.name, effect)
-        if other is not effect:
+        if (other := effects.setdefault(effect.name, effect)) is not effect:
             raise InputError(
                 f"effect {effect.__name__}: name: {effect.name!r} is taken by {other.__name__} of the same file"
             )

@@ -6,25 +6,19 @@ from typing import Any
 import torch
 
 from visaug.core.errors import InputError, described, user_line
-from visaug.effects.effect import Effect, Stage
+from visaug.effects.effect import TEXTS, Effect, Stage
 from visaug.effects.parameter import Parameter, check_value, unused
 
-TEXTS = ("summary", "equation", "source", "why_not", "separates", "map_unit")
 TAKEN = ("name", "map")  # keys of an effect in a camera file that are no parameters
 
 
 def check_definition(effect: type[Effect]) -> None:
-    """Refuse a class with an attribute of a wrong type or value, before anything uses it.
-
-    Raises:
-        InputError: which attribute, and what was expected.
-    """
+    """Refuse a class with an attribute of a wrong type or value, before anything uses it."""
     where = f"effect {effect.__name__}"
     name = effect.name
     if not isinstance(name, str) or not name.isascii() or not name.isidentifier():
-        raise InputError(
-            f"{where}: name: {name!r} is none; expected letters, digits and _, such as my_effect"
-        )
+        problem = f"{where}: name: {name!r} is none; expected letters, digits and _, such as my_effect"
+        raise InputError(problem)
     where = f"effect {name}"
     if not isinstance(getattr(effect, "stage", None), Stage):
         raise InputError(f"{where}: stage: expected a Stage such as Stage.READOUT")
@@ -58,9 +52,6 @@ def try_effect(effect: type[Effect]) -> None:
 
     Parameters have their first trial value, or their default where there is none. An effect whose strength is then 0 is not
     applied, as in the chain.
-
-    Raises:
-        InputError: `apply` raises, returns anything but a finite tensor of the signal's shape, or changes its input.
     """
     level = 0.5 if effect.stage == Stage.PICTURE else 500.0
     trial = (2, 3, 96, 128)  # shape of the frames to which an effect is applied when it is registered

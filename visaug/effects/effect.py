@@ -12,6 +12,8 @@ from torch import Tensor
 from visaug.core.errors import InputError
 from visaug.core.sampling import Stream, as_seed, derive_key
 from visaug.effects.parameter import Parameter, check_value, plain, unused
+from visaug.effects.parameter import Strength as Strength
+from visaug.effects.parameter import choice as choice
 
 
 class Values:
@@ -73,8 +75,7 @@ class Context:
 
         Beyond the sensor the pattern is repeated.
         """
-        whole = self.maps.get(effect)
-        if whole is None:
+        if (whole := self.maps.get(effect)) is None:
             return None
         whole = whole.to(like.device)
         rows, columns = (torch.arange(r.start, r.stop, device=like.device) for r in self.window)
@@ -142,6 +143,9 @@ CONDITIONS = {
 }
 
 
+TEXTS = ("summary", "equation", "source", "why_not", "separates", "map_unit")
+
+
 def _as_value(value: float, like: Tensor) -> Tensor:
     """A number in the form in which the chain passes it to an effect."""
     return torch.as_tensor(value, dtype=torch.float32, device=like.device).reshape(1, 1, 1, 1)
@@ -156,11 +160,7 @@ def _checked(parameter: Parameter, value: Any, path: str) -> Any:
 
 
 def ends(value: Any) -> tuple[float, float] | None:
-    """The ends of a value that is a range (low, high); None of any other.
-
-    Raises:
-        InputError: a pair whose first number is above its second.
-    """
+    """The ends of a value that is a range (low, high); None of any other."""
     if not isinstance(value, tuple | list) or len(value) != 2 or any(isinstance(one, str) for one in value):
         return None
     low, high = map(plain, value)
@@ -221,6 +221,9 @@ class Effect:
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        for key in TEXTS:  # a sentence may run over several lines
+            if isinstance(text := vars(cls).get(key), str) and "\n" in text:
+                setattr(cls, key, " ".join(text.split()))
         own = {key: value for key, value in vars(cls).items() if isinstance(value, Parameter)}
         cls.parameters = {**cls.parameters, **own}
 
@@ -274,17 +277,14 @@ class Effect:
             >>> noisy.shape
             torch.Size([64, 64])
         """
-        unknown = set(conditions) - set(CONDITIONS)
-        if unknown:
-            raise InputError(
-                "is not a condition", field=min(unknown), expected=f"one of {', '.join(CONDITIONS)}"
-            )
+        if unknown := set(conditions) - set(CONDITIONS):
+            problem = "is not a condition"
+            raise InputError(problem, field=min(unknown), expected=f"one of {', '.join(CONDITIONS)}")
         if not isinstance(signal, Tensor):
             raise InputError(f"signal is a {type(signal).__name__}", expected="a torch.Tensor")
         if not 2 <= signal.ndim <= 4:
-            raise InputError(
-                f"signal has shape {tuple(signal.shape)}", expected="(B, C, H, W), (C, H, W) or (H, W)"
-            )
+            expected = "(B, C, H, W), (C, H, W) or (H, W)"
+            raise InputError(f"signal has shape {tuple(signal.shape)}", expected=expected)
         seed, camera_seed = as_seed(seed), as_seed(camera_seed, "camera_seed")
         dtype = signal.dtype if signal.is_floating_point() else torch.float32
         if signal.numel() == 0:
@@ -299,28 +299,20 @@ class Effect:
         window = (range(rows), range(columns))
         bit_depth = int(known.pop("bit_depth"))
         numbers: dict[str, Any] = {key: _as_value(value, signal) for key, value in known.items()}
-        context = Context(
-            **numbers,
-            bit_depth=bit_depth,
-            reading="physical",
-            resolution=(rows, columns),
-            window=window,
-            sequence=sequence,
-        )
+        numbers |= {"bit_depth": bit_depth, "reading": "physical", "sequence": sequence}
+        context = Context(**numbers, resolution=(rows, columns), window=window)
         for name, value in self.conditions(p, context).items():
             if name in conditions:
                 expected = f"{type(self).__name__}({', '.join(f'{key}=...' for key in self.parameters)})"
                 raise InputError(f"follows from parameters of {self.name}", field=name, expected=expected)
             setattr(context, name, value)
-        stream = Stream(
-            keys, [derive_key(camera_seed, "camera")] * len(batch), batch.shape[1], window, signal.device
-        )
+        patterns = [derive_key(camera_seed, "camera")] * len(batch)
+        stream = Stream(keys, patterns, batch.shape[1], window, signal.device)
         return output_of(self, batch, p, stream, context).reshape(signal.shape).to(dtype)
 
     def __repr__(self) -> str:
-        return (
-            f"{type(self).__name__}({', '.join(f'{key}={value!r}' for key, value in self.values().items())})"
-        )
+        given = ", ".join(f"{key}={value!r}" for key, value in self.values().items())
+        return f"{type(self).__name__}({given})"
 
     def values(self) -> dict[str, Any]:
         """The value of every parameter, as given or the default."""
@@ -370,6 +362,13 @@ class Noiseless(Effect):
         return self.apply(mean, p, no_numbers, context), torch.zeros_like(mean)
 
 
+class AdditiveNoise(Effect):
+    """An effect that adds noise of mean 0 and standard deviation `sigma_e`."""
+
+    def moments(self, mean, p, context):
+        return mean, p.sigma_e**2
+
+
 class Spreading(Effect):
     """An effect that only moves light, charge or values between pixels: a constant signal stays as it is."""
 
@@ -380,19 +379,11 @@ class Spreading(Effect):
 
 
 def output_of(effect: Effect, signal: Tensor, p: Values, stream: Stream, context: Context) -> Tensor:
-    """What `effect.apply` returns.
-
-    Raises:
-        InputError: it is not a tensor of the signal's shape.
-    """
-    out = effect.apply(signal, p, stream, context)
+    """What `effect.apply` returns, if it is a tensor of the signal's shape."""
+    out, where = effect.apply(signal, p, stream, context), f"effect {effect.name}: apply: returns"
     if not isinstance(out, Tensor):
-        raise InputError(
-            f"effect {effect.name}: apply: returns {type(out).__name__}; expected the signal after the effect, a tensor"
-        )
+        raise InputError(f"{where} {type(out).__name__}", expected="the signal after the effect, a tensor")
     if out.shape != signal.shape:
-        raise InputError(
-            f"effect {effect.name}: apply: returns shape {tuple(out.shape)}; expected that of the signal,"
-            f" {tuple(signal.shape)}"
-        )
+        expected = f"that of the signal, {tuple(signal.shape)}"
+        raise InputError(f"{where} shape {tuple(out.shape)}", expected=expected)
     return out

@@ -13,6 +13,8 @@ from visaug.core.errors import InputError
 class Parameter:
     """A parameter of an effect: a number with a unit and bounds, or a categorical option.
 
+    The catalogue gives numbers as default, unit, low, high and source by place, and the rest by name.
+
     Args:
         default: value used if a camera file does not give the parameter.
         unit: e.g. "e-", "DN", "fraction", "px", "s", "e-/s"; "1" for a dimensionless number.
@@ -53,6 +55,18 @@ class Parameter:
         object.__setattr__(self, "name", name)
 
 
+@dataclass(frozen=True)
+class Strength(Parameter):
+    """A parameter at whose zero the effect vanishes."""
+
+    strength: bool = True
+
+
+def choice(options: tuple[str, ...], source: str) -> Parameter:
+    """A categorical parameter; the first of its options is the default."""
+    return Parameter(options[0], options=options, source=source)
+
+
 def unused(parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> dict[str, str]:
     """Values other than the default that the chosen options leave without effect, with the options that use them, in words."""
     words = {values.get(name, p.default) for name, p in parameters.items() if p.options}
@@ -77,17 +91,7 @@ def plain(value: Any) -> Any:
 
 
 def check_value(parameter: Parameter, value: Any, path: str, file: Path | None = None) -> None:
-    """Checks that a value is a number within the parameter's bounds, or one of its options.
-
-    Args:
-        parameter: the parameter with its bounds or options.
-        value: the value to check.
-        path: key named by the error, e.g. "effects.0.sigma_e".
-        file: file named by the error.
-
-    Raises:
-        InputError: the value is not allowed.
-    """
+    """Checks that a value is a number within the parameter's bounds, or one of its options; the error names path and file."""
     if parameter.options:
         if value not in parameter.options:
             expected = f"one of {', '.join(parameter.options)}"

@@ -64,9 +64,8 @@ def entries(
     for key, value in (*given.items(), ("pixel_um", pixel_um), ("depleted_um", depleted_um)):
         least = 0.0 if key in given else 1e-3
         if not math.isfinite(value) or value < least:
-            raise InputError(
-                f"{value!r} is out of range", field=key, expected=f"a number of at least {least:g}"
-            )
+            expected = f"a number of at least {least:g}"
+            raise InputError(f"{value!r} is out of range", field=key, expected=expected)
     dose = dose_tev_per_g_year * years
     volume_um3 = pixel_um**2 * depleted_um
     sites_per_um3 = 1 / 50_000  # for each TeV/g; Virmontois et al. (2012)
@@ -78,9 +77,8 @@ def entries(
     damaged = -math.expm1(-sites)
     if 0 < sites <= MOST_SITES:
         rate = sites * site_e_per_s / damaged
-        effects.append(
-            {"name": "hot_pixels", "density": damaged, "rate_e_per_s": rate, "b_per_c": b_per_c, "tail": 1.0}
-        )
+        damage = {"density": damaged, "rate_e_per_s": rate, "b_per_c": b_per_c, "tail": 1.0}
+        effects.append({"name": "hot_pixels", **damage})
     elif sites:
         added = sites * site_e_per_s
         # variance 2 rate^2 for each site: of a Poisson sum of exponential numbers

@@ -29,11 +29,7 @@ __all__ = ["FORMATS", "SUFFIXES", "Picture", "read_picture", "write_picture"]
 
 
 def read_picture(path: Path) -> Picture:
-    """Read a picture; a palette becomes colour, one bit becomes eight.
-
-    Raises:
-        InputError: not a picture, damaged, more than one picture, or of another kind than the formats allow.
-    """
+    """Read a picture; a palette becomes colour, one bit becomes eight. A file of several pictures is refused."""
     reader, _ = _format(path)
     try:
         return reader(path)
@@ -45,11 +41,7 @@ def read_picture(path: Path) -> Picture:
 
 
 def write_picture(path: Path, picture: Picture) -> None:
-    """Write in the format that the suffix names. The same picture gives the same bytes.
-
-    Raises:
-        InputError: the format does not hold such pictures, as JPEG does none with alpha.
-    """
+    """Write in the format that the suffix names, if it holds such pictures. The same picture gives the same bytes."""
     _, writer = _format(path)
     try:
         writer(path, picture)

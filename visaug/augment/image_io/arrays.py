@@ -45,8 +45,7 @@ def read_exr(path: Path) -> Picture:
     pixels = np.stack([channels[name] for name in names], -1)
     if pixels.dtype.kind != "f":
         raise InputError(f"holds {pixels.dtype}", file=path, expected="half or float channels")
-    extras = {"header": header, "channels": channels, "names": names}
-    return Picture(pixels, LINEAR, "OpenEXR", extras=extras)
+    return Picture(pixels, LINEAR, "OpenEXR", extras={"header": header, "channels": channels, "names": names})
 
 
 def _picture_channels(channels: list[str], path: Path) -> tuple[str, ...]:

@@ -20,21 +20,13 @@ LINEAR, SRGB = "linear", "srgb"
 
 @dataclass(frozen=True)
 class Hints:
-    """Information in a file on its encoding; None where there is none.
+    """Information in a file on its encoding; None where there is none."""
 
-    Attributes:
-        icc: the ICC profile.
-        cicp: transfer characteristics by ITU-T H.273.
-        srgb: whether there is an sRGB chunk.
-        gamma: of the file, as PNG has it: 1.0 is linear, 0.45455 is that of sRGB.
-        exif_space: EXIF's ColorSpace; 1 is sRGB, 65535 is undefined.
-    """
-
-    icc: bytes | None = None
-    cicp: int | None = None
-    srgb: bool = False
-    gamma: float | None = None
-    exif_space: int | None = None
+    icc: bytes | None = None  # the profile
+    cicp: int | None = None  # transfer characteristics by ITU-T H.273
+    srgb: bool = False  # whether there is an sRGB chunk
+    gamma: float | None = None  # of the file, as PNG has it: 1.0 is linear, 0.45455 is that of sRGB
+    exif_space: int | None = None  # EXIF's ColorSpace; 1 is sRGB, 65535 is undefined
 
 
 def transfer_of(hints: Hints, dtype: np.dtype, colours: int) -> tuple[str, str]:
@@ -84,30 +76,21 @@ def _curve_gamma(profile: bytes, offset: int) -> float | None:
         half = (entries - 1) // 2  # the exponent that the table has at mid-range
         (value,) = struct.unpack_from(">H", profile, offset + 12 + 2 * half)
         return float(np.log(max(value, 1) / 65535) / np.log(half / (entries - 1))) if half else 1.0
-    if kind == b"para":
-        return struct.unpack_from(">i", profile, offset + 12)[0] / 65536
-    return None
+    return struct.unpack_from(">i", profile, offset + 12)[0] / 65536 if kind == b"para" else None
 
 
 @dataclass
 class Picture:
-    """A picture in memory.
+    """A picture in memory."""
 
-    Attributes:
-        pixels: (H, W, C) uint8, uint16 or float; C is 1 (gray), 2 (gray, alpha), 3 (colour) or 4 (colour, alpha).
-        transfer: "linear" or "srgb": how pixel values follow the light.
-        reason: how `transfer` was determined, for messages.
-        keep: (H, W) bool, True where a pixel holds no light (a transparent colour, GDAL's no-data value) and must
-            keep its value; None where there is no such pixel.
-        key: the pixel value that `keep` stands for; no other pixel may get it.
-        extras: what is written back unchanged: colour profile, EXIF block, tags, compression.
-    """
-
+    # (H, W, C) uint8, uint16 or float; C is 1 (gray), 2 (gray, alpha), 3 (colour) or 4 (colour, alpha)
     pixels: np.ndarray
-    transfer: str = "linear"
-    reason: str = ""
+    transfer: str = "linear"  # or "srgb": how pixel values follow the light
+    reason: str = ""  # how `transfer` was determined, for messages
+    # (H, W) bool, True where a pixel holds no light (a transparent colour, GDAL's no-data value) and must keep its value
     keep: np.ndarray | None = None
-    key: tuple[float, ...] | None = None
+    key: tuple[float, ...] | None = None  # the pixel value that `keep` stands for; no other pixel may get it
+    # what is written back unchanged: colour profile, EXIF block, tags, compression
     extras: dict[str, Any] = field(default_factory=dict)
 
     @classmethod

@@ -67,8 +67,7 @@ def write_png(path: Path, picture: Picture) -> None:
         from PIL import Image
 
         Image.fromarray(pixels[..., 0] if pixels.shape[2] == 1 else pixels).save(path, format="PNG")
-    kept = picture.extras.get("png_chunks", [])
-    if kept:
+    if kept := picture.extras.get("png_chunks", []):
         content = path.read_bytes()
         head = len(SIGNATURE) + 12 + 13  # the header chunk comes first, with 13 bytes of data
         path.write_bytes(content[:head] + b"".join(_packed(*chunk) for chunk in kept) + content[head:])

@@ -144,12 +144,8 @@ def _negative(pixels: np.ndarray) -> np.ndarray:
 def _no_data(
     pixels: np.ndarray, nodata: str | None, turned: bool
 ) -> tuple[np.ndarray | None, tuple[float, ...] | None]:
-    """Where all channels of the stored pixels hold the value by which GDAL marks missing data, and the value that it becomes.
-
-    Args:
-        pixels: as they are stored.
-        nodata: the tag's text.
-        turned: white is zero.
+    """Where all channels of the stored pixels hold the value by which GDAL marks missing data, and the value that it becomes
+    (`turned`: white is zero).
     """
     try:
         value = float(str(nodata).strip("\0 "))

@@ -3,18 +3,17 @@
 import torch
 
 from visaug.effects.charge.dark_electrons import REFERENCE_C, add_dark_electrons
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
-PLACES = {
+# where on the sensor, in shares of its rows and columns; None: all along that side
+CORNERS = {
     "top_left": (0.0, 0.0),
     "top_right": (0.0, 1.0),
     "bottom_left": (1.0, 0.0),
     "bottom_right": (1.0, 1.0),
-    "top": (0.0, None),
-    "bottom": (1.0, None),
-    "left": (None, 0.0),
-    "right": (None, 1.0),
-}  # where on the sensor, in shares of its rows and columns; None: all along that side
+}
+SIDES = {"top": (0.0, None), "bottom": (1.0, None), "left": (None, 0.0), "right": (None, 1.0)}
+PLACES = {**CORNERS, **SIDES}
 RIM = "rim"  # all four sides: drivers and amplifiers all around
 
 
@@ -34,14 +33,7 @@ class AmplifierGlow(Effect):
     separates = "take darks with and without a lens cover: a light leak disappears, glow does not"
     map_unit = "e-/s at 20 C"
     map_low = 0.0
-    rate_e_per_s = Parameter(
-        20.0,
-        unit="e-/s",
-        high=1e6,
-        strength=True,
-        trials=(5.0, 25.0),
-        source="at the brightest position, at 20 C",
-    )
+    rate_e_per_s = Strength(20.0, "e-/s", 0.0, 1e6, "at the brightest position, at 20 C", trials=(5.0, 25.0))
     place = Parameter(
         "bottom_right",
         options=(*PLACES, RIM),
@@ -55,9 +47,7 @@ class AmplifierGlow(Effect):
         trials=(0.004, 0.012, 0.035, 0.1, 0.3, 0.9),  # from a few pixels to the whole sensor
         source="decay length relative to the longer side",
     )
-    shape = Parameter(
-        1.0, low=0.3, high=4.0, trials=(1.0, 2.0), source="1: exponential, 2: Gaussian fall-off"
-    )
+    shape = Parameter(1.0, "1", 0.3, 4.0, "1: exponential, 2: Gaussian fall-off", trials=(1.0, 2.0))
     b_per_c = Parameter(
         0.01,
         unit="1/C",
@@ -68,8 +58,7 @@ class AmplifierGlow(Effect):
     )
 
     def apply(self, signal, p, stream, context):
-        rate = context.measured_map(self.name, signal)
-        if rate is None:
+        if (rate := context.measured_map(self.name, signal)) is None:
             rate = p.rate_e_per_s * self._profile(signal, p, context)
         heating = torch.exp(p.b_per_c * (context.temperature_c - REFERENCE_C))
         return add_dark_electrons(signal, context.exposure_s * rate * heating, stream, context)
@@ -79,9 +68,8 @@ class AmplifierGlow(Effect):
         height, width = context.resolution
         rows, columns = context.rows(signal) + 0.5, context.columns(signal) + 0.5
         if p.place == RIM:
-            distance = torch.minimum(
-                torch.minimum(rows, height - rows), torch.minimum(columns, width - columns)
-            )
+            to_sides = torch.minimum(rows, height - rows), torch.minimum(columns, width - columns)
+            distance = torch.minimum(*to_sides)
         else:
             y, x = PLACES[p.place]
             down = 0.0 if y is None else rows - y * height

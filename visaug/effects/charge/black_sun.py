@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class BlackSun(Effect):
@@ -18,23 +18,18 @@ class BlackSun(Effect):
     aliases = ("eclipse", "sun spot", "black dot")
     summary = "The centre of a very bright source becomes dark."
     equation = "N <- max(0, min(N, W) - share max(0, N - onset W)), W: full well"
-    source = (
-        "derived: correlated double sampling subtracts a reset level that has collected `share` of the light; principle of the "
-        "sampling after J. Ohta, Smart CMOS Image Sensors and Applications (CRC Press), chapter 2"
-    )
+    source = """derived: correlated double sampling subtracts a reset level that has collected `share` of the light;
+    principle of the sampling after J. Ohta, Smart CMOS Image Sensors and Applications (CRC Press), chapter 2"""
     separates = "image the sun or a laser at rising intensity: the centre is bright, saturated, then dark; dead pixels are fixed"
     proposed = False  # frames of a laboratory contain no source so far above the full well
-    share = Parameter(
+    share = Strength(
         0.01,
         unit="fraction",
         high=1.0,
-        strength=True,
         trials=(0.01, 0.1),
         source="time between reset and its sample relative to the exposure: 1 us to 10 us of 1 ms",
     )
-    onset = Parameter(
-        2.0, unit="full wells", low=1.0, high=1e6, source="charge from which a clamp no longer helps; assumed"
-    )
+    onset = Parameter(2.0, "full wells", 1.0, 1e6, "charge from which a clamp no longer helps; assumed")
 
     def apply(self, signal, p, stream, context):
         deepest_e = 1e9  # in place of an unlimited full well

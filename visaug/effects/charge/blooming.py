@@ -3,7 +3,7 @@
 import torch
 import torch.nn.functional as F
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 
 DEEPEST_E = 1e9  # in place of an unlimited full well
 LEAST = 0.02  # share of the excess that is seen beside it: less may be a blur, a lag or noise
@@ -29,22 +29,11 @@ class Blooming(Effect):
     aliases = ("overflow", "bleeding", "vertical streak", "halo of saturated pixels")
     summary = "Charge above the full well spills to neighbours, in the column or on all sides."
     equation = "N_i <- N_i - share (N_i - full well)+ + what neighbours' overflow fills into N_i < full well"
-    source = (
-        "J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on blooming; isotropic: the divisible sandpile of L. Levine "
-        "and Y. Peres, Potential Analysis 30 (2009) 1"
-    )
-    separates = (
-        "image a bright spot below and above the full well: blooming occurs only above it; smear does not "
-        "require a full well"
-    )
-    share = Parameter(
-        0.5,
-        unit="fraction",
-        high=1.0,
-        strength=True,
-        trials=(0.2, 0.8, 1.0),
-        source="1: no anti-blooming drain",
-    )
+    source = """J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on blooming; isotropic: the
+    divisible sandpile of L. Levine and Y. Peres, Potential Analysis 30 (2009) 1"""
+    separates = """image a bright spot below and above the full well: blooming occurs only above it; smear
+    does not require a full well"""
+    share = Strength(0.5, "fraction", 0.0, 1.0, "1: no anti-blooming drain", trials=(0.2, 0.8, 1.0))
     upward = Parameter(
         0.5,
         unit="fraction",
@@ -53,11 +42,7 @@ class Blooming(Effect):
         source="fraction that flows to lower row numbers",
         of=("column",),
     )
-    spread = Parameter(
-        "column",
-        options=("column", "isotropic"),
-        source="column: CCDs; isotropic: pixels without channel stops",
-    )
+    spread = choice(("column", "isotropic"), "column: CCDs; isotropic: pixels without channel stops")
 
     @classmethod
     def looks(cls, seen):

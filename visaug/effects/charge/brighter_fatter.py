@@ -3,7 +3,7 @@
 import torch
 import torch.nn.functional as F
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 LIMIT = 0.2  # below 1/4: a pixel cannot give its four neighbours more than it has
 
@@ -23,24 +23,19 @@ class BrighterFatter(Effect):
     local = False
     aliases = ("BFE", "charge repulsion", "dynamic charge deflection")
     summary = "Charge in a pixel deflects further charge to its neighbours, increasingly with the signal."
-    equation = (
-        "N_i <- N_i + sum over neighbours j of a (P_j - P_i), at most 0.2 |N_j - N_i|, and tail times the same over those after "
-        "next; P = N^2 / 2, beyond the full well W: W^2 / 2 + beyond W (N - W)"
-    )
+    equation = """N_i <- N_i + sum over neighbours j of a (P_j - P_i), at most 0.2 |N_j - N_i|, and tail times
+    the same over those after next; P = N^2 / 2, beyond the full well W: W^2 / 2 + beyond W (N - W)"""
     source = "P. Antilogus et al., JINST 9 (2014) C03048; A. Guyonnet et al., A&A 575 (2015) A41"
-    separates = (
-        "measure the covariance of neighbours in flats: brighter_fatter grows with the square of the level,"
-        " crosstalk in proportion to it"
-    )
-    share_per_ke = Parameter(
+    separates = """measure the covariance of neighbours in flats: brighter_fatter grows with the square of the
+    level, crosstalk in proportion to it"""
+    share_per_ke = Strength(
         3e-4,
         unit="1/(1000 e-)",
         high=0.1,
-        strength=True,
         trials=(1e-3, 4e-3),
         source="the variance of thick CCDs falls by 20 % at 100 000 e-; more in small pixels",
     )
-    aspect = Parameter(1.0, high=5.0, trials=(1.0, 2.5), source="vertical to horizontal; in CCDs 2 to 3")
+    aspect = Parameter(1.0, "1", 0.0, 5.0, "vertical to horizontal; in CCDs 2 to 3", trials=(1.0, 2.5))
     tail = Parameter(
         0.0,
         unit="fraction",

@@ -3,7 +3,7 @@
 import torch
 import torch.nn.functional as F
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 
 MOST = 0.9  # share that a transfer may leave behind
 
@@ -25,38 +25,23 @@ class ChargeTransferInefficiency(Effect):
     local = False
     aliases = ("CTI", "CTE", "deferred charge", "trailing", "smear", "radiation")
     summary = (
-        "Each transfer leaves a fraction of the charge behind; trails grow with the number of transfers."
+        """Each transfer leaves a fraction of the charge behind; trails grow with the number of transfers."""
     )
-    equation = (
-        "N_i <- (1 - d_i) N_i + (1 - q) sum_k>0 q^(k-1) d_(i-k) N_(i-k), "
-        "d_i = 1 - (1 - share (N_i / 1000)^(beta - 1))^n_i, q = exp(-1 / trail)"
-    )
+    equation = """N_i <- (1 - d_i) N_i + (1 - q) sum_k>0 q^(k-1) d_(i-k) N_(i-k), d_i = 1 - (1 - share (N_i /
+    1000)^(beta - 1))^n_i, q = exp(-1 / trail)"""
     source = "J. Janesick, Scientific Charge-Coupled Devices (2001); R. Massey et al., MNRAS 401 (2010) 371"
-    separates = (
-        "image edges near and far from the readout register: the trail grows with the distance, image lag "
-        "does not"
+    separates = """image edges near and far from the readout register: the trail grows with the distance,
+    image lag does not"""
+    share_per_transfer = Strength(
+        1e-5, "fraction", 0.0, 0.02, "new CCDs 1e-6, irradiated 1e-4", trials=(1e-4, 6e-4)
     )
-    share_per_transfer = Parameter(
-        1e-5,
-        unit="fraction",
-        high=0.02,
-        strength=True,
-        trials=(1e-4, 6e-4),
-        source="new CCDs 1e-6, irradiated 1e-4",
-    )
-    trail_px = Parameter(
-        0.5, unit="px", low=0.1, high=50.0, trials=(0.5, 3.0, 15.0), source="release time in transfers"
-    )
+    trail_px = Parameter(0.5, "px", 0.1, 50.0, "release time in transfers", trials=(0.5, 3.0, 15.0))
     density_exponent = Parameter(
         1.0,
         high=1.5,
         source="beta; 1: proportional loss; 0.5 to 0.6 in CCDs (A. Short et al., MNRAS 430 (2013) 3078)",
     )
-    register = Parameter(
-        "top",
-        options=("top", "bottom", "left", "right"),
-        source="edge of the sensor to which charge is transferred",
-    )
+    register = choice(("top", "bottom", "left", "right"), "edge of the sensor to which charge is transferred")
 
     def apply(self, signal, p, stream, context):
         sideways, far = p.register in ("left", "right"), p.register in ("bottom", "right")

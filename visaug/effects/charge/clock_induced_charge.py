@@ -1,7 +1,7 @@
 """Clock-induced charge."""
 
 from visaug.effects.charge.dark_electrons import add_dark_electrons
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class ClockInducedCharge(Effect):
@@ -18,14 +18,7 @@ class ClockInducedCharge(Effect):
     equation = "mu_e <- mu_e + mean (1 + gradient u), u from -1 at row 0 to 1 at the last row"
     source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on spurious charge"
     separates = "compare bias frames with the optical black: the variance of the added signal equals its mean"
-    mean_e = Parameter(
-        0.5,
-        unit="e-",
-        high=1e4,
-        strength=True,
-        trials=(1.0, 4.0),
-        source="0.002 (EMCCD) to several e- per frame",
-    )
+    mean_e = Strength(0.5, "e-", 0.0, 1e4, "0.002 (EMCCD) to several e- per frame", trials=(1.0, 4.0))
     gradient = Parameter(
         0.0,
         low=-1.0,

@@ -4,7 +4,7 @@ import math
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class CosmicRays(Effect):
@@ -19,38 +19,26 @@ class CosmicRays(Effect):
     local = False
     aliases = ("particle tracks", "single event transients", "SET", "radiation")
     summary = "Particles leave tracks of charge in single frames."
-    equation = (
-        "tracks ~ Poisson(rate (t + readout) per 10^6 px), charge per px ~ Exp(charge), length ~ Exp(length)"
-    )
+    equation = """tracks ~ Poisson(rate (t + readout) per 10^6 px), charge per px ~ Exp(charge), length ~ Exp(length)"""
     source = "D. Groom, Experimental Astronomy 14 (2002) 45; 80 e- per um of silicon"
     differentiable = False
     why_not = "the number of tracks and the pixels they cross are discrete"
     separates = "take a second frame: a cosmic-ray track is not repeated, a hot pixel or rts_noise pixel is"
-    rate_per_mpx_s = Parameter(
+    rate_per_mpx_s = Strength(
         1.0,
         unit="1/(Mpx s)",
         high=1e6,
-        strength=True,
         trials=(30.0, 300.0),
         source="ground: 1/(cm^2 min), 0.003 for 4 um pixels; orbit: 100 times that, more in the radiation belts",
     )
     charge_e_per_px = Parameter(
-        800.0, unit="e-/px", high=1e6, trials=(400.0, 2000.0), source="80 e-/um of path, times the pixel size"
+        800.0, "e-/px", 0.0, 1e6, "80 e-/um of path, times the pixel size", trials=(400.0, 2000.0)
     )
     length_px = Parameter(
-        6.0,
-        unit="px",
-        low=0.5,
-        high=50.0,
-        trials=(2.0, 8.0),
-        source="depth over pixel size, depending on the angle",
+        6.0, "px", 0.5, 50.0, "depth over pixel size, depending on the angle", trials=(2.0, 8.0)
     )
     readout_s = Parameter(
-        0.0,
-        unit="s",
-        high=1e3,
-        trials=(0.0, 0.2),
-        source="frames also collect tracks while they wait for readout",
+        0.0, "s", 0.0, 1e3, "frames also collect tracks while they wait for readout", trials=(0.0, 0.2)
     )
 
     @classmethod
@@ -64,13 +52,8 @@ class CosmicRays(Effect):
             return []
         length = max(float(pixels.mean()) - 1, cls.parameters["length_px"].low)
         rate = len(pixels) * math.exp(1 / length) / seen.searched_mpx_s
-        return [
-            {
-                "rate_per_mpx_s": rate,
-                "charge_e_per_px": float((electrons / pixels).mean()),
-                "length_px": length,
-            }
-        ]
+        charge = float((electrons / pixels).mean())
+        return [{"rate_per_mpx_s": rate, "charge_e_per_px": charge, "length_px": length}]
 
     def apply(self, signal, p, stream, context):
         expected = (p.rate_per_mpx_s * (context.exposure_s + p.readout_s) * 1e-6).detach()

@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class DarkCurrent(Effect):
@@ -23,16 +23,10 @@ class DarkCurrent(Effect):
     summary = "Thermal electrons are generated in every pixel in proportion to the exposure time."
     equation = "mu_e <- mu_e + t a exp(b T)"
     source = "the paper, eqs. 3 and 15; EMVA 1288 release 4 Linear, section 7"
-    separates = (
-        "take darks at several exposures and temperatures: dark current grows with both; "
-        "clock_induced_charge is present at zero exposure, and a light leak hardly changes with temperature"
-    )
-    a_e_per_s = Parameter(
-        0.0, unit="e-/s", high=1e7, strength=True, source="dark current at 0 C", trials=(0.05, 0.2)
-    )
-    b_per_c = Parameter(
-        0.0866, unit="1/C", high=0.5, source="0.0866 doubles it every 8 C, usual for silicon (EMVA 1288)"
-    )
+    separates = """take darks at several exposures and temperatures: dark current grows with both;
+    clock_induced_charge is present at zero exposure, and a light leak hardly changes with temperature"""
+    a_e_per_s = Strength(0.0, "e-/s", 0.0, 1e7, "dark current at 0 C", trials=(0.05, 0.2))
+    b_per_c = Parameter(0.0866, "1/C", 0.0, 0.5, "0.0866 doubles it every 8 C, usual for silicon (EMVA 1288)")
 
     def conditions(self, p, context):
         heating = torch.exp(p.b_per_c * context.temperature_c)

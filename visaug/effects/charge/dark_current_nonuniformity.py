@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Stage, Strength, choice
 
 
 class DarkCurrentNonuniformity(Effect):
@@ -18,27 +18,17 @@ class DarkCurrentNonuniformity(Effect):
     aliases = ("DCNU", "fixed pattern noise", "FPN", "dark fixed pattern")
     summary = "Dark current differs from pixel to pixel; the pattern grows with exposure and temperature."
     equation = "mu_e <- mu_e + D(T) t (K - 1), K lognormal of mean 1 and standard deviation spread"
-    source = (
-        "R. D. Gow et al., IEEE Trans. Electron Devices 54 (2007) 1321; EMVA 1288 release 4 Linear, section 7"
-    )
+    source = """R. D. Gow et al., IEEE Trans. Electron Devices 54 (2007) 1321; EMVA 1288 release 4 Linear, section 7"""
     separates = "take darks at two exposures: this pattern grows with the exposure, dsnu does not"
     map_unit = "factor K"
     map_low = 0.0
-    spread = Parameter(
-        0.3,
-        unit="fraction",
-        high=10.0,
-        strength=True,
-        trials=(0.4, 1.2),
-        source="standard deviation relative to the mean: 0.1 to 1",
+    spread = Strength(
+        0.3, "fraction", 0.0, 10.0, "standard deviation relative to the mean: 0.1 to 1", trials=(0.4, 1.2)
     )
-    distribution = Parameter(
-        "lognormal", options=("lognormal", "gaussian", "exponential"), source="of the factors"
-    )
+    distribution = choice(("lognormal", "gaussian", "exponential"), "of the factors")
 
     def apply(self, signal, p, stream, context):
-        measured = context.measured_map(self.name, signal)
-        if measured is not None:
+        if (measured := context.measured_map(self.name, signal)) is not None:
             excess = measured - 1
         elif p.distribution == "lognormal":
             s = self._log_sigma(p.spread)
@@ -56,8 +46,7 @@ class DarkCurrentNonuniformity(Effect):
         return spread * torch.sqrt(torch.log1p(square) / square)
 
     def moments(self, mean, p, context):
-        measured = context.measured_map(self.name, mean)
-        if measured is not None:
+        if (measured := context.measured_map(self.name, mean)) is not None:
             return mean + context.dark_current_e * (measured - 1), 0 * mean
         if p.distribution != "lognormal":
             return None  # wide spreads are cut where dark current would be negative

@@ -3,7 +3,7 @@
 import torch
 
 from visaug.effects.charge.dark_electrons import REFERENCE_C, add_dark_electrons
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 from visaug.effects.telegraph import kept_states
 
 
@@ -20,40 +20,23 @@ class DarkCurrentRTS(Effect):
     order = 32
     aliases = ("DC-RTS", "random telegraph noise", "blinking pixels")
     summary = "The dark current of a few pixels jumps between two levels from frame to frame."
-    equation = (
-        "mu_e <- mu_e + t A_pixel exp(b (T - 20 C)) s, s in {0, 1} with P(1) = duty, s_k = s_(k-1) with probability kept, "
-        "else drawn anew"
-    )
-    source = (
-        "I. H. Hopkins and G. R. Hopkinson, IEEE Trans. Nuclear Science 40 (1993) 1567; V. Goiffon et al., IEEE Electron "
-        "Device Letters 32 (2011) 773"
-    )
-    separates = (
-        "take long series of darks at two exposures: the jumps grow with the exposure; those of rts_noise do not, and "
-        "hot_pixels are constant"
-    )
+    equation = """mu_e <- mu_e + t A_pixel exp(b (T - 20 C)) s, s in {0, 1} with P(1) = duty, s_k = s_(k-1)
+    with probability kept, else drawn anew"""
+    source = """I. H. Hopkins and G. R. Hopkinson, IEEE Trans. Nuclear Science 40 (1993) 1567; V. Goiffon et
+    al., IEEE Electron Device Letters 32 (2011) 773"""
+    separates = """take long series of darks at two exposures: the jumps grow with the exposure; those of
+    rts_noise do not, and hot_pixels are constant"""
     differentiable = False
     why_not = "whether a pixel has a defect, and its state in a frame, are discrete; image and amplitude have gradients"
-    density = Parameter(
-        0.002,
-        unit="share of pixels",
-        high=1.0,
-        strength=True,
-        trials=(0.002, 0.02),
-        source="1e-4 when new to 1e-1 after a mission",
+    density = Strength(
+        0.002, "share of pixels", 0.0, 1.0, "1e-4 when new to 1e-1 after a mission", trials=(0.002, 0.02)
     )
     amplitude_e_per_s = Parameter(
-        50.0,
-        unit="e-/s",
-        high=1e7,
-        trials=(20.0, 100.0),
-        source="mean at 20 C; exponential in Goiffon et al.",
+        50.0, "e-/s", 0.0, 1e7, "mean at 20 C; exponential in Goiffon et al.", trials=(20.0, 100.0)
     )
-    b_per_c = Parameter(
-        0.077, unit="1/C", high=0.3, source="0.57 eV (Hopkins and Hopkinson): E / (k T^2) at 20 C"
-    )
-    duty = Parameter(0.5, high=1.0, source="fraction of the time in the upper level; 1: hot pixels")
-    kept = Parameter(0.8, high=0.99, trials=(0.0, 0.8), source="seconds to days (Hopkins and Hopkinson)")
+    b_per_c = Parameter(0.077, "1/C", 0.0, 0.3, "0.57 eV (Hopkins and Hopkinson): E / (k T^2) at 20 C")
+    duty = Parameter(0.5, "1", 0.0, 1.0, "fraction of the time in the upper level; 1: hot pixels")
+    kept = Parameter(0.8, "1", 0.0, 0.99, "seconds to days (Hopkins and Hopkinson)", trials=(0.0, 0.8))
 
     def apply(self, signal, p, stream, context):
         fixed = stream.fixed

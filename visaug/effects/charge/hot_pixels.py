@@ -3,7 +3,7 @@
 import torch
 
 from visaug.effects.charge.dark_electrons import REFERENCE_C, add_dark_electrons
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class HotPixels(Effect):
@@ -22,34 +22,17 @@ class HotPixels(Effect):
     aliases = ("warm pixels", "hot spots", "defect pixels", "white spots")
     summary = "A few pixels have a much larger dark current, with their own temperature coefficient."
     equation = "mu_e <- mu_e + t rate h exp((b - s ln h) (T - 20 C)), h = (ln density/u)^tail / Gamma(1 + tail), where u < density"
-    source = (
-        "R. Widenhorn et al., Proc. SPIE 4669 (2002) 193 and J. Appl. Phys. 89 (2001) 8179; EMVA 1288 release 4 Linear, "
-        "defect pixels"
+    source = """R. Widenhorn et al., Proc. SPIE 4669 (2002) 193 and J. Appl. Phys. 89 (2001) 8179; EMVA 1288
+    release 4 Linear, defect pixels"""
+    separates = """take darks at two exposures: hot pixels grow with the exposure; in a long series, rts_noise
+    pixels jump between levels"""
+    density = Strength(
+        1e-3, "fraction", 0.0, 0.2, "1e-5 when new to 1e-2 after irradiation", trials=(5e-4, 4e-3)
     )
-    separates = (
-        "take darks at two exposures: hot pixels grow with the exposure; in a long series, rts_noise pixels"
-        " jump between levels"
-    )
-    density = Parameter(
-        1e-3,
-        unit="fraction",
-        high=0.2,
-        strength=True,
-        trials=(5e-4, 4e-3),
-        source="1e-5 when new to 1e-2 after irradiation",
-    )
-    rate_e_per_s = Parameter(
-        500.0, unit="e-/s", high=1e7, trials=(80.0, 600.0), source="mean of the hot pixels, at 20 C"
-    )
-    b_per_c = Parameter(
-        0.06, unit="1/C", high=0.3, trials=(0.06, 0.12), source="below 0.0866 of silicon: field-assisted"
-    )
+    rate_e_per_s = Parameter(500.0, "e-/s", 0.0, 1e7, "mean of the hot pixels, at 20 C", trials=(80.0, 600.0))
+    b_per_c = Parameter(0.06, "1/C", 0.0, 0.3, "below 0.0866 of silicon: field-assisted", trials=(0.06, 0.12))
     tail = Parameter(
-        1.0,
-        low=0.1,
-        high=4.0,
-        trials=(1.0, 2.0),
-        source="near 0: all equal; 1: exponential; higher: heavier tails",
+        1.0, "1", 0.1, 4.0, "near 0: all equal; 1: exponential; higher: heavier tails", trials=(1.0, 2.0)
     )
     softer_per_c = Parameter(
         0.0,

@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 
 
 class ImageLag(Effect):
@@ -21,34 +21,18 @@ class ImageLag(Effect):
     stepwise = True
     aliases = ("ghosting", "persistence", "residual image", "RBI", "after-image", "sticking")
     summary = "A fraction of the charge of a frame appears in the following frames."
-    equation = (
-        "W_k = min(N_k + (1 - decay) H_k, full well), L_k ~ Binomial(W_k, share), "
-        "N_k <- W_k - L_k, H_(k+1) = decay H_k + L_k"
-    )
+    equation = """W_k = min(N_k + (1 - decay) H_k, full well), L_k ~ Binomial(W_k, share), N_k <- W_k - L_k,
+    H_(k+1) = decay H_k + L_k"""
     source = "E. Fossum and D. Hondongwa, IEEE J. Electron Devices Soc. 2 (2014) 33, on incomplete transfer"
-    separates = (
-        "take a dark frame directly after a bright one: lag appears in it and decays; drift is independent "
-        "of the preceding frame"
-    )
-    share = Parameter(
-        0.01,
-        unit="fraction",
-        high=0.5,
-        strength=True,
-        trials=(0.01, 0.05),
-        source="pinned photodiodes 0.1 %, others 5 %",
-    )
+    separates = """take a dark frame directly after a bright one: lag appears in it and decays; drift is
+    independent of the preceding frame"""
+    share = Strength(0.01, "fraction", 0.0, 0.5, "pinned photodiodes 0.1 %, others 5 %", trials=(0.01, 0.05))
     decay = Parameter(
-        0.0,
-        unit="fraction",
-        high=0.99,
-        trials=(0.0, 0.6),
-        source="of the retained charge, from frame to frame",
+        0.0, "fraction", 0.0, 0.99, "of the retained charge, from frame to frame", trials=(0.0, 0.6)
     )
-    saturates = Parameter(
-        "diode",
-        options=("diode", "node"),
-        source="which saturates first: the photodiode before the transfer, or the sense node after it",
+    saturates = choice(
+        ("diode", "node"),
+        "which saturates first: the photodiode before the transfer, or the sense node after it",
     )
 
     def apply(self, signal, p, stream, context):

@@ -2,7 +2,7 @@
 
 import torch.nn.functional as F
 
-from visaug.effects.effect import Parameter, Spreading, Stage
+from visaug.effects.effect import Parameter, Spreading, Stage, Strength
 
 
 class InterpixelCrosstalk(Spreading):
@@ -18,23 +18,12 @@ class InterpixelCrosstalk(Spreading):
     order = 90  # at the nodes that are read: after everything that happens to the charge itself
     aliases = ("IPC", "interpixel capacitance", "crosstalk")
     summary = "Neighbouring pixels share signal linearly after the shot noise, so their noise is correlated."
-    equation = (
-        "N_i <- N_i + share sum over the 8 neighbours j of g_j (N_j - N_i), g: 1, aspect or diagonal, and tail times the same over "
-        "the four after next, g: 1 or aspect"
-    )
+    equation = """N_i <- N_i + share sum over the 8 neighbours j of g_j (N_j - N_i), g: 1, aspect or diagonal,
+    and tail times the same over the four after next, g: 1 or aspect"""
     source = "A. C. Moore, Z. Ninkov and W. J. Forrest, Optical Engineering 45 (2006) 076402"
-    separates = (
-        "measure the covariance of noise in flats: point_spread has none, and the fraction of "
-        "brighter_fatter grows with the level"
-    )
-    share = Parameter(
-        0.01,
-        unit="fraction",
-        high=0.1,
-        strength=True,
-        trials=(0.006, 0.025),
-        source="each neighbour: 0.5 to 3 %",
-    )
+    separates = """measure the covariance of noise in flats: point_spread has none, and the fraction of
+    brighter_fatter grows with the level"""
+    share = Strength(0.01, "fraction", 0.0, 0.1, "each neighbour: 0.5 to 3 %", trials=(0.006, 0.025))
     aspect = Parameter(
         1.0,
         high=1.5,
@@ -42,10 +31,7 @@ class InterpixelCrosstalk(Spreading):
         source="coupling to the neighbours above and below, relative to those beside",
     )
     diagonal = Parameter(
-        0.0,
-        high=1.0,
-        trials=(0.0, 0.3),
-        source="coupling to the diagonal neighbours, relative to those beside",
+        0.0, "1", 0.0, 1.0, "coupling to the diagonal neighbours, relative to those beside", trials=(0.0, 0.3)
     )
     tail = Parameter(
         0.0,

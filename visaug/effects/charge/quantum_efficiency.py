@@ -14,7 +14,7 @@ class QuantumEfficiency(Effect):
     summary = "A photon generates an electron with a probability, the total quantum efficiency."
     equation = "mu_e = QE mu_p"
     source = "EMVA 1288 release 4 Linear, eq. 2; the paper, eq. 9"
-    value = Parameter(1.0, unit="e-/photon", low=1e-4, high=1.0, source="EMVA 1288: total quantum efficiency")
+    value = Parameter(1.0, "e-/photon", 1e-4, 1.0, "EMVA 1288: total quantum efficiency")
 
     def conditions(self, p, context):
         return {"quantum_efficiency": p.value}

@@ -16,10 +16,8 @@ class Saturation(Effect):
     summary = "A pixel holds no more electrons than its full well."
     equation = "N_e <- min(N_e, full well)"
     source = "EMVA 1288 release 4 Linear, saturation capacity"
-    separates = (
-        "take flats beyond saturation: read noise remains if the charge is clipped, none if the converter "
-        "clips"
-    )
+    separates = """take flats beyond saturation: read noise remains if the charge is clipped, none if the
+    converter clips"""
     full_well_e = Parameter(float("inf"), unit="e-", low=1.0, source="EMVA 1288: saturation capacity")
 
     def conditions(self, p, context):

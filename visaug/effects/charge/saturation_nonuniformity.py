@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Stage, Strength
 
 
 class SaturationNonuniformity(Effect):
@@ -19,31 +19,17 @@ class SaturationNonuniformity(Effect):
     order = 79  # just before the clipping at the camera's full well
     aliases = ("full well non-uniformity", "fixed pattern noise", "FPN", "soft knee")
     summary = "The full well differs from pixel to pixel, and is reached along a soft knee."
-    equation = (
-        "N <- N - k ln(1 + exp((N - W_pixel) / k)), k = knee W; knee 0: min(N, W_pixel); W_pixel = W (1 - spread |z|), "
-        "z ~ N(0, 1) per camera"
-    )
-    source = (
-        "A. Pelamatti et al., IEEE Trans. Electron Devices 62 (2015) 1200 (full well of pinned photodiodes, charge that escapes "
-        "over the barrier); half-normal spread: assumed"
-    )
-    separates = (
-        "take flats beyond saturation: a fixed pattern in fully saturated frames, and a variance that falls before the mean "
-        "stops; nonlinearity acts at all levels"
-    )
-    spread = Parameter(
-        0.02,
-        unit="fraction",
-        high=0.15,
-        strength=True,
-        trials=(0.01, 0.05),
-        source="1 to 5 % of the full well; assumed",
-    )
-    knee = Parameter(
+    equation = """N <- N - k ln(1 + exp((N - W_pixel) / k)), k = knee W; knee 0: min(N, W_pixel); W_pixel = W
+    (1 - spread |z|), z ~ N(0, 1) per camera"""
+    source = """A. Pelamatti et al., IEEE Trans. Electron Devices 62 (2015) 1200 (full well of pinned
+    photodiodes, charge that escapes over the barrier); half-normal spread: assumed"""
+    separates = """take flats beyond saturation: a fixed pattern in fully saturated frames, and a variance
+    that falls before the mean stops; nonlinearity acts at all levels"""
+    spread = Strength(0.02, "fraction", 0.0, 0.15, "1 to 5 % of the full well; assumed", trials=(0.01, 0.05))
+    knee = Strength(
         0.0,
         unit="fraction",
         high=0.1,
-        strength=True,
         trials=(0.01, 0.04),
         source="width of the knee; kT / q over the swing of the diode: 25 mV / 1 V",
     )

@@ -1,6 +1,6 @@
 """Smear."""
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Stage, Strength, choice
 
 
 class Smear(Effect):
@@ -19,21 +19,12 @@ class Smear(Effect):
     summary = "Charge is generated while a column is transferred, at any distance from the light source."
     equation = "mu_e <- mu_e + (transfer_s / exposure_s) mean of mu_e over the column"
     source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on frame-transfer smear"
-    separates = (
-        "image a bright spot at several exposures: smear does not grow with the exposure, and does not "
-        "require a full well as blooming does"
+    separates = """image a bright spot at several exposures: smear does not grow with the exposure, and does
+    not require a full well as blooming does"""
+    transfer_s = Strength(
+        2e-4, "s", 0.0, 1.0, "transfer time of a whole frame: 0.1 to 10 ms", trials=(2e-4, 1e-3)
     )
-    transfer_s = Parameter(
-        2e-4,
-        unit="s",
-        high=1.0,
-        strength=True,
-        trials=(2e-4, 1e-3),
-        source="transfer time of a whole frame: 0.1 to 10 ms",
-    )
-    passes = Parameter(
-        "both", options=("both", "below", "above"), source="rows whose light a charge packet passes"
-    )
+    passes = choice(("both", "below", "above"), "rows whose light a charge packet passes")
 
     def apply(self, signal, p, stream, context):
         share = p.transfer_s / context.exposure_s.clamp_min(1e-9)

@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Stage, Strength, choice
 
 
 class BitTruncation(Effect):
@@ -15,30 +15,16 @@ class BitTruncation(Effect):
     aliases = ("LSB loss", "bit shift", "comb histogram")
     summary = "The lowest bits are lost."
     equation = "y <- 2^bits floor(y / 2^bits); rounding: 2^bits floor(y / 2^bits + 1/2)"
-    source = (
-        "B. Widrow and I. Kollar, Quantization Noise (Cambridge 2008); adds 4^bits / 12 DN^2 where "
-        "noise is wide"
-    )
-    separates = (
-        "look at the histogram of codes: all are multiples of a power of two; missing_codes has gaps "
-        "without such a step"
-    )
+    source = """B. Widrow and I. Kollar, Quantization Noise (Cambridge 2008); adds 4^bits / 12 DN^2 where
+    noise is wide"""
+    separates = """look at the histogram of codes: all are multiples of a power of two; missing_codes has gaps
+    without such a step"""
     differentiable = False
-    why_not = (
-        "the number of bits is an integer; the gradient of the image passes straight through, as for rounding"
+    why_not = """the number of bits is an integer; the gradient of the image passes straight through, as for rounding"""
+    bits = Strength(
+        2.0, "bits", 0.0, 15.0, "16-bit files of 12-bit cameras: 4", integer=True, trials=(1, 2, 3, 4)
     )
-    bits = Parameter(
-        2.0,
-        unit="bits",
-        high=15.0,
-        strength=True,
-        integer=True,
-        trials=(1, 2, 3, 4),
-        source="16-bit files of 12-bit cameras: 4",
-    )
-    mode = Parameter(
-        "cut", options=("cut", "round"), source="most links truncate; scaling in software rounds"
-    )
+    mode = choice(("cut", "round"), "most links truncate; scaling in software rounds")
 
     def apply(self, signal, p, stream, context):
         step = 2.0 ** p.bits.round()  # what a fit gives may lie between

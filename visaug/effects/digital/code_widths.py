@@ -4,7 +4,7 @@ import math
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 
 NEAREST = 0.49  # of a threshold to its ideal place, in code widths: thresholds stay in order
 NARROWEST = 1e-6  # width of a code that is never met
@@ -29,31 +29,25 @@ class CodeWidths(Effect):
     order = 45  # before the rounding, order 50
     aliases = ("DNL", "INL", "ADC nonlinearity", "differential nonlinearity")
     summary = "The codes of the converter are of unequal width, the same in every frame."
-    equation = (
-        "y <- k - 1/2 + (y - T_k) / (T_(k+1) - T_k) for T_k <= y < T_(k+1), T_k = k - 1/2 + e_k; thresholds: e_k = "
-        "dnl z_k / sqrt(2); stage: e_k = dnl z_(k mod period) / sqrt(2); bits: e_k = dnl sum_i bit_i(k) 2^((i - n) / 2) z_i "
-        "without its slope; z ~ N(0, 1) per camera"
-    )
+    equation = """y <- k - 1/2 + (y - T_k) / (T_(k+1) - T_k) for T_k <= y < T_(k+1), T_k = k - 1/2 + e_k;
+    thresholds: e_k = dnl z_k / sqrt(2); stage: e_k = dnl z_(k mod period) / sqrt(2); bits: e_k = dnl sum_i
+    bit_i(k) 2^((i - n) / 2) z_i without its slope; z ~ N(0, 1) per camera"""
     source = "IEEE Std 1241-2010, differential nonlinearity and code-density test"
-    separates = (
-        "take the histogram of codes over a ramp of light: the same codes are rare or frequent at every level; missing_codes "
-        "are empty, bit_truncation leaves multiples of a power of two"
-    )
+    separates = """take the histogram of codes over a ramp of light: the same codes are rare or frequent at
+    every level; missing_codes are empty, bit_truncation leaves multiples of a power of two"""
     map_unit = "relative width"
     map_low = 0.0
     map_is_table = True
-    dnl = Parameter(
+    dnl = Strength(
         0.3,
         unit="DN",
         high=2.0,
-        strength=True,
         trials=(0.2, 0.5),
         source="standard deviation of a code's width; of the largest steps for `bits`; datasheets: 0.3 to 1",
     )
-    pattern = Parameter(
-        "thresholds",
-        options=("thresholds", "stage", "bits"),
-        source="thresholds: flash, slope; stage: pipelined, subranging; bits: successive approximation",
+    pattern = choice(
+        ("thresholds", "stage", "bits"),
+        "thresholds: flash, slope; stage: pipelined, subranging; bits: successive approximation",
     )
     period = Parameter(
         4.0,
@@ -83,8 +77,7 @@ class CodeWidths(Effect):
     def _errors(p, fixed, context):
         """Of every threshold from that below code 0 to that above the highest, in widths of a code."""
         codes = context.max_dn + 1
-        measured = context.maps.get(CodeWidths.name)
-        if measured is not None:
+        if (measured := context.maps.get(CodeWidths.name)) is not None:
             table = measured.flatten().double()
             widths = table.repeat(math.ceil(codes / len(table)))[:codes]
             edges = widths.cumsum(0) * (codes / widths.sum())

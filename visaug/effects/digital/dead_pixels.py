@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class DeadPixels(Effect):
@@ -13,24 +13,15 @@ class DeadPixels(Effect):
     order = 90
     aliases = ("stuck pixels", "defect pixels", "cold pixels")
     summary = "A few pixels have a constant output at any light level."
-    equation = (
-        "y <- round(L), L = b + l (top - b), or b (1 + l) for l < 0, where the pixel is dead; "
-        "l = clip(level + spread n_pixel, -1, 1), b: black level"
-    )
+    equation = """y <- round(L), L = b + l (top - b), or b (1 + l) for l < 0, where the pixel is dead; l =
+    clip(level + spread n_pixel, -1, 1), b: black level"""
     source = "EMVA 1288 release 4 Linear, defect pixels"
-    separates = (
-        "take flats at several levels: a dead pixel never changes; hot_pixels add a dark signal to the "
-        "light, prnu scales with the light"
-    )
+    separates = """take flats at several levels: a dead pixel never changes; hot_pixels add a dark signal to
+    the light, prnu scales with the light"""
     differentiable = False
     why_not = "whether a pixel is dead is discrete; image and level have no gradient through a dead pixel"
-    density = Parameter(
-        0.001,
-        unit="share of pixels",
-        high=1.0,
-        strength=True,
-        trials=(0.0005, 0.004),
-        source="below 0.1 % in datasheets; assumed",
+    density = Strength(
+        0.001, "share of pixels", 0.0, 1.0, "below 0.1 % in datasheets; assumed", trials=(0.0005, 0.004)
     )
     level = Parameter(
         0.0,
@@ -41,11 +32,7 @@ class DeadPixels(Effect):
         source="0: the black level, as without light; -1: code 0; 1: the highest code",
     )
     spread = Parameter(
-        0.0,
-        unit="share of the range",
-        high=1.0,
-        trials=(0.15,),
-        source="standard deviation over dead pixels",
+        0.0, "share of the range", 0.0, 1.0, "standard deviation over dead pixels", trials=(0.15,)
     )
 
     @classmethod

@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Stage, Strength, choice
 
 
 class MissingCodes(Effect):
@@ -16,31 +16,22 @@ class MissingCodes(Effect):
     order = 60
     aliases = ("DNL", "gaps in the histogram", "comb histogram")
     summary = "Some output codes never occur; the set is fixed for a camera."
-    equation = (
-        "y <- max{k <= y: k exists}; a code is missing with probability density, or at every "
-        "1/density-th place"
-    )
+    equation = """y <- max{k <= y: k exists}; a code is missing with probability density, or at every
+    1/density-th place"""
     source = "IEEE Std 1241-2010, missing codes"
-    separates = (
-        "take the histogram of codes over a ramp of light: the same codes are empty at every level; "
-        "bit_truncation leaves multiples of a power of two"
-    )
+    separates = """take the histogram of codes over a ramp of light: the same codes are empty at every level;
+    bit_truncation leaves multiples of a power of two"""
     differentiable = False
-    why_not = (
-        "whether a code exists is discrete; the gradient of the image passes straight through, as for "
-        "rounding"
-    )
-    density = Parameter(
+    why_not = """whether a code exists is discrete; the gradient of the image passes straight through, as for
+    rounding"""
+    density = Strength(
         0.05,
         unit="share of codes",
         high=0.5,
-        strength=True,
         trials=(0.02, 0.1),
         source="0 for a good converter; a digital gain g gives 1 - 1/g; above a gain of 2 use bit_truncation",
     )
-    pattern = Parameter(
-        "random", options=("random", "even"), source="random: the converter; even: a digital gain"
-    )
+    pattern = choice(("random", "even"), "random: the converter; even: a digital gain")
 
     def apply(self, signal, p, stream, context):
         codes = torch.arange(context.max_dn + 1, device=signal.device)

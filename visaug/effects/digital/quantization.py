@@ -21,10 +21,8 @@ class Quantization(Effect):
     equation = "y <- clip(round(y), 0, 2^bits - 1); adds a variance of 1/12 DN^2"
     source = "EMVA 1288 release 4 Linear, eq. 8; the paper, eq. 13"
 
-    separates = (
-        "look at the histogram of DN: quantization occupies every code; bit_truncation and missing_codes "
-        "leave some empty"
-    )
+    separates = """look at the histogram of DN: quantization occupies every code; bit_truncation and
+    missing_codes leave some empty"""
 
     def apply(self, signal, p, stream, context):
         if context.reading == "paper":

@@ -18,17 +18,11 @@ class SystemGain(Effect):
     summary = "The converter has a gain and a black level."
     equation = "y = V / G(dB) + black level, G(dB) = G 10^((dB_0 - dB) / 20)"
     source = "EMVA 1288 release 4 Linear, eq. 7 (K = 1/G); the paper, eq. 12"
-    separates = (
-        "measure the photon transfer curve (variance against mean of flats at several levels): its slope "
-        "gives the gain, independent of the light source"
-    )
-    gain_e_per_dn = Parameter(
-        1.0, unit="e-/DN", low=1e-6, high=1e6, source="EMVA 1288: inverse of the system gain K"
-    )
-    gain_db = Parameter(0.0, unit="dB", low=-60.0, high=120.0, source="20 dB is a factor of ten")
-    black_level_dn = Parameter(
-        0.0, unit="DN", high=65535.0, source="offset of the converter, equal at every gain"
-    )
+    separates = """measure the photon transfer curve (variance against mean of flats at several levels): its
+    slope gives the gain, independent of the light source"""
+    gain_e_per_dn = Parameter(1.0, "e-/DN", 1e-6, 1e6, "EMVA 1288: inverse of the system gain K")
+    gain_db = Parameter(0.0, "dB", -60.0, 120.0, "20 dB is a factor of ten")
+    black_level_dn = Parameter(0.0, "DN", 0.0, 65535.0, "offset of the converter, equal at every gain")
 
     def conditions(self, p, context):
         return {"gain_e_per_dn": p.gain_e_per_dn, "black_level_dn": p.black_level_dn}

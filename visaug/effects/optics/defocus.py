@@ -6,7 +6,7 @@ import torch
 
 from visaug.effects.effect import Spreading, Stage
 from visaug.effects.optics.spread import convolve, pixels_around
-from visaug.effects.parameter import Parameter
+from visaug.effects.parameter import Strength
 
 STRIPS = 16  # of the disc's part of a pixel, whose area is then right to 1e-3
 
@@ -25,14 +25,13 @@ class Defocus(Spreading):
     equation = "mu_p convolved with a disc of the radius, integrated over each pixel"
     source = "J. W. Goodman, Introduction to Fourier Optics (4th ed. 2017), section 7.4; geometrical limit"
     separates = (
-        "image a bright point: defocus gives a uniform disc with a sharp edge, point_spread a Gaussian"
+        """image a bright point: defocus gives a uniform disc with a sharp edge, point_spread a Gaussian"""
     )
     proposed = False  # a diagnosis reports any blur as point_spread; only bright points distinguish them
-    radius_px = Parameter(
+    radius_px = Strength(
         2.0,
         unit="px",
         high=100.0,
-        strength=True,
         trials=(1.0, 3.0),
         source="defocus / (2 x f-number) / pixel; 20 um at f/2.8 on 3.45 um: 1 px",
     )
@@ -45,10 +44,8 @@ def disc(radius_px):
     """Kernels (B, 1, K, K): the share of the disc's area in each pixel, by strips at even angles x = radius sin(angle)."""
     least_px = 0.25  # a disc within the middle of a pixel is a point
     radius = radius_px.clamp_min(least_px)
-    x, y = (
-        place.unsqueeze(-1)
-        for place in pixels_around(math.ceil(float(radius.detach().max()) - 0.5), radius_px)
-    )
+    reach = math.ceil(float(radius.detach().max()) - 0.5)
+    x, y = (place.unsqueeze(-1) for place in pixels_around(reach, radius_px))
     radius = radius.unsqueeze(-1)
     first, last = (torch.asin((edge / radius).clamp(-1 + 1e-6, 1 - 1e-6)) for edge in (x - 0.5, x + 0.5))
     share = (torch.arange(STRIPS, dtype=x.dtype, device=x.device) + 0.5) / STRIPS

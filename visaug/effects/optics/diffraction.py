@@ -6,7 +6,7 @@ import torch
 
 from visaug.effects.effect import Spreading, Stage
 from visaug.effects.optics.spread import filtered, frequencies
-from visaug.effects.parameter import Parameter
+from visaug.effects.parameter import Strength
 
 FIRST_ZERO = 3.8317059702075125 / math.pi  # of the Airy pattern, in wavelengths times the f-number: 1.2197
 
@@ -24,21 +24,16 @@ class Diffraction(Spreading):
     order = 38
     aliases = ("Airy disc", "blur", "MTF")
     summary = "The aperture spreads a point into an Airy pattern."
-    equation = (
-        "mu_p convolved with (2 J1(v) / v)^2, v = 3.832 r / radius, integrated over each pixel; "
-        "transfer (2 / pi)(acos u - u sqrt(1 - u^2)), u = f radius / 1.22"
-    )
+    equation = """mu_p convolved with (2 J1(v) / v)^2, v = 3.832 r / radius, integrated over each pixel;
+    transfer (2 / pi)(acos u - u sqrt(1 - u^2)), u = f radius / 1.22"""
     source = "J. W. Goodman, Introduction to Fourier Optics (4th ed. 2017), sections 4.4 and 7.4; radius = 1.22 lambda N / pixel"
-    separates = (
-        "image a bright point: diffraction gives rings and wings that fall with the third power of the "
-        "distance"
-    )
+    separates = """image a bright point: diffraction gives rings and wings that fall with the third power of
+    the distance"""
     proposed = False  # a diagnosis reports any blur as point_spread; only bright points distinguish them
-    radius_px = Parameter(
+    radius_px = Strength(
         1.0,
         unit="px",
         high=100.0,
-        strength=True,
         trials=(0.8, 2.5),
         source="radius of the first dark ring; 550 nm at f/8 on 3.45 um pixels: 1.6 px",
     )

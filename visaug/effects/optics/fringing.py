@@ -4,7 +4,7 @@ import math
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class Fringing(Effect):
@@ -19,30 +19,16 @@ class Fringing(Effect):
     order = 14
     aliases = ("etaloning", "interference fringes", "Newton rings")
     summary = "Narrow-band light shows interference fringes of the sensor's layers."
-    equation = (
-        "mu_p <- mu_p (1 + A cos(2 pi (fringes r^2 + phase))), r: distance to a point of the camera in units of the longer "
-        "side, phase ~ U(0, 1) per camera"
-    )
-    source = (
-        "E. M. Malumuth et al., Model of fringing in the WFC3 CCDs, Proc. SPIE 4854 (2003) 567, 700 to 1000 nm; here the first "
-        "harmonic of the interference, for a thickness that varies as a paraboloid"
-    )
+    equation = """mu_p <- mu_p (1 + A cos(2 pi (fringes r^2 + phase))), r: distance to a point of the camera
+    in units of the longer side, phase ~ U(0, 1) per camera"""
+    source = """E. M. Malumuth et al., Model of fringing in the WFC3 CCDs, Proc. SPIE 4854 (2003) 567, 700 to
+    1000 nm; here the first harmonic of the interference, for a thickness that varies as a paraboloid"""
     separates = "take flats in narrow-band and in white light: fringes disappear in white light; dust, vignetting and prnu do not"
-    amplitude = Parameter(
-        0.02,
-        unit="fraction",
-        high=1.0,
-        strength=True,
-        trials=(0.005, 0.02),
-        source="1 to 10 % above 750 nm in thinned CCDs",
+    amplitude = Strength(
+        0.02, "fraction", 0.0, 1.0, "1 to 10 % above 750 nm in thinned CCDs", trials=(0.005, 0.02)
     )
     fringes = Parameter(
-        5.0,
-        unit="1",
-        low=0.5,
-        high=1e3,
-        trials=(5.0, 15.0),
-        source="2 n times the change of thickness / wavelength",
+        5.0, "1", 0.5, 1e3, "2 n times the change of thickness / wavelength", trials=(5.0, 15.0)
     )
 
     def apply(self, signal, p, stream, context):

@@ -4,7 +4,7 @@ import math
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class LampFlicker(Effect):
@@ -21,38 +21,23 @@ class LampFlicker(Effect):
     order = 2
     aliases = ("flicker", "banding", "PWM", "mains", "50 Hz", "60 Hz", "rolling shutter bands")
     summary = "The light oscillates over the rows of a rolling shutter, with a random phase in each frame."
-    equation = (
-        "mu_p <- mu_p (1 + depth sinc(f t) sin(2 pi (row / period + phase))), phase ~ U(0, 1) in every frame, "
-        "sinc(x) = sin(pi x) / (pi x)"
-    )
-    source = (
-        "M. Sheinin, Y. Schechner and K. Kutulakos, Rolling shutter imaging on the electric grid, ICCP 2018"
-    )
-    separates = (
-        "compute the spectrum of the row means of single flats and of dark frames: periodic_banding is also in the dark, "
-        "lamp_flicker only with light and in proportion to it; light_drift has no structure over the rows"
-    )
-    depth = Parameter(
+    equation = """mu_p <- mu_p (1 + depth sinc(f t) sin(2 pi (row / period + phase))), phase ~ U(0, 1) in
+    every frame, sinc(x) = sin(pi x) / (pi x)"""
+    source = """M. Sheinin, Y. Schechner and K. Kutulakos, Rolling shutter imaging on the electric grid, ICCP 2018"""
+    separates = """compute the spectrum of the row means of single flats and of dark frames: periodic_banding is also in
+    the dark, lamp_flicker only with light and in proportion to it; light_drift has no structure over the rows"""
+    depth = Strength(
         0.05,
         unit="fraction",
         high=1.0,
-        strength=True,
         trials=(0.005, 0.02),
         source="amplitude relative to the mean; incandescent 0.1, LEDs 0 to 1",
     )
     period_rows = Parameter(
-        60.0,
-        unit="px",
-        low=2.0,
-        high=1e5,
-        trials=(12.0, 25.0, 60.0, 200.0),
-        source="row rate / frequency of the flicker",
+        60.0, "px", 2.0, 1e5, "row rate / frequency of the flicker", trials=(12.0, 25.0, 60.0, 200.0)
     )
     frequency_hz = Parameter(
-        0.0,
-        unit="Hz",
-        high=1e6,
-        source="of the flicker, twice the mains: 100 or 120; 0: the exposure averages nothing",
+        0.0, "Hz", 0.0, 1e6, "of the flicker, twice the mains: 100 or 120; 0: the exposure averages nothing"
     )
 
     def apply(self, signal, p, stream, context):

@@ -3,7 +3,7 @@
 import torch
 import torch.nn.functional as F
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 from visaug.effects.optics.spread import PROFILES, gaussian_blur, halo, once_for_equals
 
 
@@ -21,39 +21,21 @@ class LensFlare(Effect):
     local = False
     aliases = ("ghosting", "ghosts", "flare", "stray light", "glare")
     summary = "Reflections between lens surfaces produce ghosts and a halo around bright sources."
-    equation = (
-        "mu_p <- mu_p - (g + h) s + g ghost(s) + h halo(s), s = max(0, mu_p - threshold), "
-        "ghost(s)(x) = s(-x/m) / m^2"
-    )
+    equation = """mu_p <- mu_p - (g + h) s + g ghost(s) + h halo(s), s = max(0, mu_p - threshold), ghost(s)(x)
+    = s(-x/m) / m^2"""
     source = "M. Hullin et al., ACM TOG 30 (2011) 108"
     separates = (
-        "place a bright source at several positions: ghosts move opposite to it, veiling glare does not"
+        """place a bright source at several positions: ghosts move opposite to it, veiling glare does not"""
     )
-    ghost_share = Parameter(
-        0.01,
-        unit="fraction",
-        high=0.5,
-        strength=True,
-        trials=(0.01, 0.05),
-        source="uncoated surfaces reflect 4 % each",
+    ghost_share = Strength(
+        0.01, "fraction", 0.0, 0.5, "uncoated surfaces reflect 4 % each", trials=(0.01, 0.05)
     )
-    halo_share = Parameter(
-        0.02,
-        unit="fraction",
-        high=0.5,
-        strength=True,
-        trials=(0.02, 0.08),
-        source="a dusty or scratched lens",
-    )
-    ghost_scale = Parameter(1.23, low=0.3, high=5.0, trials=(0.83, 1.57), source="size of the first ghost")
-    ghost_blur_px = Parameter(2.0, unit="px", high=50.0, trials=(2.0, 8.0), source="ghosts are defocused")
-    halo_width_px = Parameter(
-        8.0, unit="px", low=3.0, high=1e3, trials=(5.0, 15.0, 50.0, 150.0), source="decay length"
-    )
+    halo_share = Strength(0.02, "fraction", 0.0, 0.5, "a dusty or scratched lens", trials=(0.02, 0.08))
+    ghost_scale = Parameter(1.23, "1", 0.3, 5.0, "size of the first ghost", trials=(0.83, 1.57))
+    ghost_blur_px = Parameter(2.0, "px", 0.0, 50.0, "ghosts are defocused", trials=(2.0, 8.0))
+    halo_width_px = Parameter(8.0, "px", 3.0, 1e3, "decay length", trials=(5.0, 15.0, 50.0, 150.0))
     halo_profile = Parameter("exponential", options=PROFILES, source="as for veiling_glare")
-    threshold_photons = Parameter(
-        0.0, unit="photons", high=1e9, source="only light above it flares; 0: all light"
-    )
+    threshold_photons = Parameter(0.0, "photons", 0.0, 1e9, "only light above it flares; 0: all light")
 
     @once_for_equals
     def apply(self, signal, p, stream, context):

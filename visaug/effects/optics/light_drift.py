@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class LightDrift(Effect):
@@ -19,24 +19,11 @@ class LightDrift(Effect):
     summary = "The level of the light source changes from frame to frame."
     equation = "mu_p <- mu_p (1 + sigma x_k), x_k = c x_(k-1) + sqrt(1 - c^2) z_k, z_k ~ N(0, 1)"
     source = "a first-order autoregression; EMVA 1288 asks for a source that is stable over a series"
-    separates = (
-        "compare dark with illuminated frames: black_level_drift is present in both, light_drift only with "
-        "light"
-    )
-    sigma = Parameter(
-        0.01,
-        unit="fraction",
-        high=0.5,
-        strength=True,
-        trials=(0.005, 0.02),
-        source="lamps and LEDs: 0.1 to 2 %",
-    )
+    separates = """compare dark with illuminated frames: black_level_drift is present in both, light_drift
+    only with light"""
+    sigma = Strength(0.01, "fraction", 0.0, 0.5, "lamps and LEDs: 0.1 to 2 %", trials=(0.005, 0.02))
     correlation = Parameter(
-        0.0,
-        low=0.0,
-        high=0.999,
-        trials=(0.0, 0.9),
-        source="between consecutive frames; 0: white, near 1: a random walk",
+        0.0, "1", 0.0, 0.999, "between consecutive frames; 0: white, near 1: a random walk", trials=(0.0, 0.9)
     )
 
     def apply(self, signal, p, stream, context):

@@ -6,7 +6,7 @@ import torch
 
 from visaug.effects.effect import Spreading, Stage
 from visaug.effects.optics.spread import convolve, pixels_around
-from visaug.effects.parameter import Parameter
+from visaug.effects.parameter import Parameter, Strength
 
 
 class MotionBlur(Spreading):
@@ -22,30 +22,22 @@ class MotionBlur(Spreading):
     order = 36
     aliases = ("smear", "motion smear", "camera shake")
     summary = "The image moves along a straight line during the exposure."
-    equation = (
-        "mu_p <- integral of mu_p(x - v t, y - w t) dt / T: a line of length L at the angle, counter-clockwise from the rows, "
-        "its share in each pixel"
-    )
+    equation = """mu_p <- integral of mu_p(x - v t, y - w t) dt / T: a line of length L at the angle,
+    counter-clockwise from the rows, its share in each pixel"""
     source = "A. N. Rajagopalan and R. Chellappa, Motion Deblurring (Cambridge 2014), chapter 1"
     separates = (
-        "image a bright point: motion blur gives a line and not a disc, half as long at half the exposure"
+        """image a bright point: motion blur gives a line and not a disc, half as long at half the exposure"""
     )
     proposed = False  # frames under test are taken with camera and target at rest
-    length_px = Parameter(
+    length_px = Strength(
         5.0,
         unit="px",
         high=200.0,
-        strength=True,
         trials=(2.0, 7.0),
         source="angular rate x exposure / angle of a pixel; 1 deg/s, 20 ms, 0.005 deg: 4 px",
     )
     angle_deg = Parameter(
-        0.0,
-        unit="deg",
-        low=-180.0,
-        high=180.0,
-        trials=(30.0,),
-        source="counter-clockwise from the direction of the rows",
+        0.0, "deg", -180.0, 180.0, "counter-clockwise from the direction of the rows", trials=(30.0,)
     )
 
     def apply(self, signal, p, stream, context):

@@ -19,8 +19,8 @@ def gaussian_blur(signal: Tensor, sigma_rows: Tensor, sigma_columns: Tensor) -> 
     A pixel takes in all light that falls on it, so a weight is the integral of the Gaussian over the pixel and not its value
     in the middle, which would lose spots narrower than a pixel; the blur's variance is sigma^2 + 1/12 px^2 for wide ones.
 
-    Args: sigma_rows, sigma_columns: standard deviations in px, (B, 1, 1, 1); where 0 the image is left as
-    it is.
+    Args:
+        sigma_rows, sigma_columns: standard deviations in px, (B, 1, 1, 1); where 0 the image is left as it is.
     """
     signal = _convolve(signal, _gaussian(sigma_rows).transpose(-1, -2))
     return _convolve(signal, _gaussian(sigma_columns))

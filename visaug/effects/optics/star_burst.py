@@ -6,7 +6,7 @@ import torch
 
 from visaug.effects.effect import Spreading, Stage
 from visaug.effects.optics.spread import convolve, pixels_around
-from visaug.effects.parameter import Parameter
+from visaug.effects.parameter import Parameter, Strength
 
 REACH = 3.0  # decay lengths at which a spike is cut
 
@@ -24,31 +24,18 @@ class StarBurst(Spreading):
     order = 39
     aliases = ("sun star", "diffraction spikes", "glare")
     summary = "The blades of the aperture produce spikes around bright sources."
-    equation = (
-        "mu_p <- (1 - share) mu_p + share (mu_p * k), k ~ sum over blades of exp(-u / length) / (1 + (u / 3)^2), "
-        "u along the spike in px, a pixel wide"
-    )
-    source = (
-        "after J. W. Goodman, Introduction to Fourier Optics, Fraunhofer diffraction of a rectangular aperture: perpendicular to "
-        "a straight edge the envelope of sinc^2 falls as 1 / u^2"
-    )
-    separates = (
-        "image a bright point at two apertures: spikes turn with the camera and disappear at full aperture"
-    )
+    equation = """mu_p <- (1 - share) mu_p + share (mu_p * k), k ~ sum over blades of exp(-u / length) / (1 +
+    (u / 3)^2), u along the spike in px, a pixel wide"""
+    source = """after J. W. Goodman, Introduction to Fourier Optics, Fraunhofer diffraction of a rectangular
+    aperture: perpendicular to a straight edge the envelope of sinc^2 falls as 1 / u^2"""
+    separates = """image a bright point at two apertures: spikes turn with the camera and disappear at full aperture"""
     proposed = False  # frames of a laboratory contain no bright points on black
-    share = Parameter(
-        0.01,
-        unit="fraction",
-        high=0.5,
-        strength=True,
-        trials=(0.01, 0.1),
-        source="grows as the aperture is closed; 0.1 to 5 %",
+    share = Strength(
+        0.01, "fraction", 0.0, 0.5, "grows as the aperture is closed; 0.1 to 5 %", trials=(0.01, 0.1)
     )
-    blades = Parameter(6.0, unit="blades", low=3.0, high=20.0, integer=True, source="5 to 9 in most lenses")
-    length_px = Parameter(15.0, unit="px", low=1.0, high=100.0, source="decay length; assumed")
-    angle_deg = Parameter(
-        15.0, unit="deg", low=-180.0, high=180.0, source="of the first spike, from the rows"
-    )
+    blades = Parameter(6.0, "blades", 3.0, 20.0, "5 to 9 in most lenses", integer=True)
+    length_px = Parameter(15.0, "px", 1.0, 100.0, "decay length; assumed")
+    angle_deg = Parameter(15.0, "deg", -180.0, 180.0, "of the first spike, from the rows")
 
     def apply(self, signal, p, stream, context):
         return signal + p.share * (convolve(signal, _spikes(p, signal.dtype)) - signal)

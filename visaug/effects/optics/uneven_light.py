@@ -1,13 +1,11 @@
 """Uneven light of a source."""
 
-from visaug.effects.effect import Noiseless, Parameter, Stage
+from visaug.effects.effect import Noiseless, Stage, Strength
 
 
-def _coefficient(default: float, source: str) -> Parameter:
+def _coefficient(default: float, source: str) -> Strength:
     """A coefficient of the surface, relative to the mean light."""
-    return Parameter(
-        default, unit="fraction", low=-0.5, high=0.5, strength=True, trials=(0.003, 0.02), source=source
-    )
+    return Strength(default, "fraction", -0.5, 0.5, source, trials=(0.003, 0.02))
 
 
 class UnevenLight(Noiseless):
@@ -23,15 +21,11 @@ class UnevenLight(Noiseless):
     order = 1
     aliases = ("shading", "illumination", "inhomogeneous illumination", "flat field", "light gradient")
     summary = "The light of the source varies smoothly over the sensor."
-    equation = (
-        "mu_p <- mu_p (1 + row_slope y + column_slope x + row_bend (y^2 - 1/3) + column_bend (x^2 - 1/3)), "
-        "x and y from -1 to 1 over the sensor"
-    )
+    equation = """mu_p <- mu_p (1 + row_slope y + column_slope x + row_bend (y^2 - 1/3) + column_bend (x^2 -
+    1/3)), x and y from -1 to 1 over the sensor"""
     source = "EMVA 1288 release 4 Linear, homogeneity of the light source; a Taylor series to second order"
-    separates = (
-        "turn the camera by 180 degrees in front of the source, or move it: uneven light keeps its direction; vignetting, dust "
-        "and prnu stay where they are on the sensor"
-    )
+    separates = """turn the camera by 180 degrees in front of the source, or move it: uneven light keeps its
+    direction; vignetting, dust and prnu stay where they are on the sensor"""
     row_slope = _coefficient(
         0.01, "half of the change from the first row to the last; EMVA 1288 allows 3 % over the sensor"
     )

@@ -1,6 +1,6 @@
 """Veiling glare."""
 
-from visaug.effects.effect import Parameter, Spreading, Stage
+from visaug.effects.effect import Parameter, Spreading, Stage, Strength
 from visaug.effects.optics.spread import PROFILES, halo, once_for_equals
 
 
@@ -15,21 +15,9 @@ class VeilingGlare(Spreading):
     equation = "mu_p <- (1 - share) mu_p + share (mu_p * k), k of unit volume and given width"
     source = "ISO 9358:1994, veiling glare index; E. Talvala et al., ACM TOG 26 (2007) 37"
     separates = "image a bright source on black: veiling glare reaches far, crosstalk and point spread do not"
-    share = Parameter(
-        0.05,
-        unit="fraction",
-        high=0.9,
-        strength=True,
-        trials=(0.03, 0.12),
-        source="veiling glare index: 1 to 10 %",
-    )
+    share = Strength(0.05, "fraction", 0.0, 0.9, "veiling glare index: 1 to 10 %", trials=(0.03, 0.12))
     width_px = Parameter(
-        40.0,
-        unit="px",
-        low=5.0,
-        high=1e5,
-        trials=(15.0, 50.0, 200.0, 800.0),
-        source="from tens of pixels to the whole field",
+        40.0, "px", 5.0, 1e5, "from tens of pixels to the whole field", trials=(15.0, 50.0, 200.0, 800.0)
     )
     profile = Parameter(
         "exponential", options=PROFILES, source="width_px is its sigma, decay length or core radius"

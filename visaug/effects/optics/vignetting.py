@@ -1,6 +1,6 @@
 """Vignetting."""
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 
 
 class Vignetting(Effect):
@@ -16,25 +16,14 @@ class Vignetting(Effect):
     order = 10
     aliases = ("shading", "lens shading", "corner fall-off", "flat field")
     summary = "Transmission decreases smoothly from the centre of the field to the corners."
-    equation = (
-        "mu_p <- mu_p max(0, 1 - corner_loss (r / r_corner)^power); cos4: mu_p <- mu_p cos^4 a, "
-        "tan a ~ r, cos^4 a = 1 - corner_loss at r_corner"
-    )
+    equation = """mu_p <- mu_p max(0, 1 - corner_loss (r / r_corner)^power); cos4: mu_p <- mu_p cos^4 a, tan a
+    ~ r, cos^4 a = 1 - corner_loss at r_corner"""
     source = "D. B. Goldman, IEEE TPAMI 32 (2010) 2276; cos^4 law"
-    separates = (
-        "take flats with the camera rotated in front of the source: vignetting stays fixed on the sensor, "
-        "uneven illumination does not"
-    )
+    separates = """take flats with the camera rotated in front of the source: vignetting stays fixed on the
+    sensor, uneven illumination does not"""
     map_unit = "fraction of the light that passes"
     map_low = 0.0
-    corner_loss = Parameter(
-        0.2,
-        unit="fraction",
-        high=1.0,
-        strength=True,
-        trials=(0.08, 0.3),
-        source="loss in the corners: 5 to 60 %",
-    )
+    corner_loss = Strength(0.2, "fraction", 0.0, 1.0, "loss in the corners: 5 to 60 %", trials=(0.08, 0.3))
     power = Parameter(
         2.0,
         low=1.0,
@@ -43,31 +32,16 @@ class Vignetting(Effect):
         source="2: a small field; higher: vignetting by the lens barrel",
         of=("power",),
     )
-    law = Parameter(
-        "power",
-        options=("power", "cos4"),
-        source="cos4: natural vignetting, R. Kingslake, Optical System Design (1983)",
-    )
+    law = choice(("power", "cos4"), "cos4: natural vignetting, R. Kingslake, Optical System Design (1983)")
     centre_row = Parameter(
-        0.0,
-        unit="fraction",
-        low=-0.5,
-        high=0.5,
-        trials=(0.05,),
-        source="vertical offset of the optical axis from the centre",
+        0.0, "fraction", -0.5, 0.5, "vertical offset of the optical axis from the centre", trials=(0.05,)
     )
     centre_column = Parameter(
-        0.0,
-        unit="fraction",
-        low=-0.5,
-        high=0.5,
-        trials=(0.05,),
-        source="horizontal offset of the optical axis from the centre",
+        0.0, "fraction", -0.5, 0.5, "horizontal offset of the optical axis from the centre", trials=(0.05,)
     )
 
     def apply(self, signal, p, stream, context):
-        measured = context.measured_map(self.name, signal)
-        if measured is not None:
+        if (measured := context.measured_map(self.name, signal)) is not None:
             return signal * measured
         height, width = context.resolution
         y = context.rows(signal) + 0.5 - height * (0.5 + p.centre_row)

@@ -4,7 +4,7 @@ import torch
 import torch.nn.functional as F
 
 from visaug.effects.effect import Spreading, Stage
-from visaug.effects.parameter import Parameter
+from visaug.effects.parameter import Parameter, Strength, choice
 
 
 class Denoising(Spreading):
@@ -19,35 +19,16 @@ class Denoising(Spreading):
     order = 16  # before the sharpening
     aliases = ("noise reduction", "NR", "despeckle", "smoothing", "star eater")
     summary = "A denoiser removes noise together with fine detail."
-    equation = (
-        "y <- y + amount (f(y) - y); median: f the median of 3 x 3; wavelet: f = y - sum_j clip(w_j, -t_j, t_j), w_1 and w_2 "
-        "the starlet coefficients, t_2 = t_1 / 5"
-    )
-    source = (
-        "J.-L. Starck, F. Murtagh and J. Fadili, Sparse Image and Signal Processing (Cambridge 2010), starlets; "
-        "D. L. Donoho, IEEE Trans. Information Theory 41 (1995) 613"
-    )
-    separates = (
-        "compare the noise of flat regions with that beside edges: a denoiser leaves more of it near edges"
-    )
-    amount = Parameter(
-        1.0,
-        unit="fraction",
-        high=1.0,
-        strength=True,
-        trials=(0.5, 1.0),
-        source="mixture of both, as editors offer it",
-    )
+    equation = """y <- y + amount (f(y) - y); median: f the median of 3 x 3; wavelet: f = y - sum_j clip(w_j,
+    -t_j, t_j), w_1 and w_2 the starlet coefficients, t_2 = t_1 / 5"""
+    source = """J.-L. Starck, F. Murtagh and J. Fadili, Sparse Image and Signal Processing (Cambridge 2010),
+    starlets; D. L. Donoho, IEEE Trans. Information Theory 41 (1995) 613"""
+    separates = """compare the noise of flat regions with that beside edges: a denoiser leaves more of it near edges"""
+    amount = Strength(1.0, "fraction", 0.0, 1.0, "mixture of both, as editors offer it", trials=(0.5, 1.0))
     threshold = Parameter(
-        0.03,
-        unit="fraction",
-        high=1.0,
-        source="of full scale; three standard deviations of the noise",
-        of=("wavelet",),
+        0.03, "fraction", 0.0, 1.0, "of full scale; three standard deviations of the noise", of=("wavelet",)
     )
-    filter = Parameter(
-        "median", options=("median", "wavelet"), source="median: despeckling; wavelet: raw converters"
-    )
+    filter = choice(("median", "wavelet"), "median: despeckling; wavelet: raw converters")
 
     def apply(self, signal, p, stream, context):
         smooth = _median(signal) if p.filter == "median" else _shrunk(signal, p.threshold)

@@ -4,7 +4,7 @@ import torch
 import torch.nn.functional as F
 
 from visaug.effects.effect import Effect, Stage
-from visaug.effects.parameter import Parameter
+from visaug.effects.parameter import Parameter, Strength
 
 REACH_PX = 20  # four standard deviations of the coarsest grain
 
@@ -21,23 +21,15 @@ class FilmGrain(Effect):
     order = 14
     aliases = ("grain", "correlated noise")
     summary = "Spatially correlated noise that is strongest in mid-grey."
-    equation = (
-        "y <- clip(y + 2 sigma sqrt(y (1 - y)) g, 0, 1), g white noise convolved with a Gaussian of standard deviation size, "
-        "of variance 1"
-    )
+    equation = """y <- clip(y + 2 sigma sqrt(y (1 - y)) g, 0, 1), g white noise convolved with a Gaussian of
+    standard deviation size, of variance 1"""
     source = "A. Newson et al., Computer Graphics Forum 36 (2017) 684"
-    separates = (
-        "compute the covariance of neighbours in a flat region: read and shot noise of a raw frame have none"
+    separates = """compute the covariance of neighbours in a flat region: read and shot noise of a raw frame
+    have none"""
+    sigma = Strength(
+        0.03, "fraction", 0.0, 0.5, "of full scale at mid-grey; ISO 100 to 800", trials=(0.02, 0.06)
     )
-    sigma = Parameter(
-        0.03,
-        unit="fraction",
-        high=0.5,
-        strength=True,
-        trials=(0.02, 0.06),
-        source="of full scale at mid-grey; ISO 100 to 800",
-    )
-    size_px = Parameter(0.8, unit="px", low=0.3, high=5.0, source="of a grain as scanned; standard deviation")
+    size_px = Parameter(0.8, "px", 0.3, 5.0, "of a grain as scanned; standard deviation")
 
     def apply(self, signal, p, stream, context):
         around = (range(side.start, side.stop + 2 * REACH_PX) for side in context.window)
@@ -45,9 +37,8 @@ class FilmGrain(Effect):
         away = torch.arange(-REACH_PX, REACH_PX + 1, device=signal.device, dtype=signal.dtype)
         kernel = torch.exp(-((away / p.size_px) ** 2) / 2)
         kernel = kernel / kernel.square().sum(-1, keepdim=True).sqrt()
-        grain = _along_rows(_along_rows(white.to(signal.dtype), kernel).transpose(-1, -2), kernel).transpose(
-            -1, -2
-        )
+        turned = _along_rows(white.to(signal.dtype), kernel).transpose(-1, -2)
+        grain = _along_rows(turned, kernel).transpose(-1, -2)
         held = signal.clamp(0, 1)
         depth = 2 * (held * (1 - held)).clamp_min(1e-8).sqrt()
         return (signal + p.sigma * depth * grain).clamp(0, 1)

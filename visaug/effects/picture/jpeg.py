@@ -6,7 +6,7 @@ from torch import Tensor
 
 from visaug.effects.effect import Effect, Stage
 from visaug.effects.optics.spread import cosines
-from visaug.effects.parameter import Parameter
+from visaug.effects.parameter import Parameter, choice
 from visaug.effects.straight_through import round_through
 
 # Annex K.1 of the standard, the tables of quality 50 for luminance and chrominance, row by row.
@@ -37,30 +37,23 @@ class JPEG(Effect):
     local = False
     aliases = ("compression", "block artefacts")
     summary = "The picture is compressed as JPEG."
-    equation = (
-        "c <- q round(c / q), c the DCT of 8 x 8 blocks of 255 y - 128, q = clip(floor((s t + 50) / 100), 1, 255), "
-        "s = 5000 / quality below 50, 200 - 2 quality from there, t the tables of Annex K"
-    )
-    source = (
-        "ITU-T T.81 (1992), Annexes A and K; JFIF 1.02; quality as in the Independent JPEG Group's library"
-    )
+    equation = """c <- q round(c / q), c the DCT of 8 x 8 blocks of 255 y - 128, q = clip(floor((s t + 50) /
+    100), 1, 255), s = 5000 / quality below 50, 200 - 2 quality from there, t the tables of Annex K"""
+    source = """ITU-T T.81 (1992), Annexes A and K; JFIF 1.02; quality as in the Independent JPEG Group's library"""
     separates = "compute the DCT of 8 x 8 blocks: the coefficients are multiples of a step"
     differentiable = False
-    why_not = (
-        "the quality is an integer and coefficients are rounded; the gradient of the image passes straight "
-        "through the rounding"
-    )
+    why_not = """the quality is an integer and coefficients are rounded; the gradient of the image passes
+    straight through the rounding"""
     quality = Parameter(
-        90.0, low=1.0, high=100.0, integer=True, trials=(95, 75), source="cameras: 85 to 98; SPEED+ is JPEG"
+        90.0, "1", 1.0, 100.0, "cameras: 85 to 98; SPEED+ is JPEG", integer=True, trials=(95, 75)
     )
-    chroma = Parameter("half", options=("half", "full"), source="half: 4:2:0, most files; full: 4:4:4")
+    chroma = choice(("half", "full"), "half: 4:2:0, most files; full: 4:4:4")
 
     def apply(self, signal, p, stream, context):
         picture = round_through(signal.clamp(0, 1) * 255)
         channels, (rows, columns) = signal.shape[1], signal.shape[2:]
         if channels != 3:
-            step = steps(p.quality, LUMINANCE)
-            return round_through(_coded(picture - 128, step) + 128).clamp(0, 255) / 255
+            return round_through(_coded(picture - 128, steps(p.quality, LUMINANCE)) + 128).clamp(0, 255) / 255
         block = 16 if p.chroma == "half" else 8
         padded = F.pad(picture, (0, -columns % block, 0, -rows % block), mode="replicate")
         matrix = torch.tensor(YCC, dtype=signal.dtype, device=signal.device)
@@ -82,9 +75,7 @@ def steps(quality: Tensor, table: str) -> Tensor:
     """The rounding steps of each image's coefficients, (B, 1, 1, 1, 8, 8)."""
     quality = quality.round().view(-1, 1, 1, 1, 1, 1)
     scale = torch.where(quality < 50, torch.floor(5000 / quality), 200 - 2 * quality)
-    half = torch.tensor(
-        [float(number) for number in table.split()], dtype=quality.dtype, device=quality.device
-    )
+    half = torch.tensor(list(map(float, table.split())), dtype=quality.dtype, device=quality.device)
     return ((scale * half.view(8, 8) + 50) / 100).floor().clamp(1, 255)
 
 

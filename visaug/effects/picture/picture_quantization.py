@@ -17,12 +17,8 @@ class PictureQuantization(Effect):
     source = "B. Widrow and I. Kollar, Quantization Noise (Cambridge 2008)"
     separates = "look at the histogram of the picture: at most 2^bits values occur"
     differentiable = False
-    why_not = (
-        "the number of bits is an integer; the gradient of the image passes straight through, as for rounding"
-    )
-    bits = Parameter(
-        8.0, unit="bits", low=1.0, high=16.0, integer=True, trials=(8,), source="most pictures: 8"
-    )
+    why_not = """the number of bits is an integer; the gradient of the image passes straight through, as for rounding"""
+    bits = Parameter(8.0, "bits", 1.0, 16.0, "most pictures: 8", integer=True, trials=(8,))
 
     def apply(self, signal, p, stream, context):
         top = 2.0 ** p.bits.round() - 1

@@ -3,7 +3,7 @@
 import torch
 
 from visaug.effects.effect import Effect, Stage
-from visaug.effects.parameter import Parameter
+from visaug.effects.parameter import Parameter, choice
 
 
 class ToneCurve(Effect):
@@ -21,23 +21,16 @@ class ToneCurve(Effect):
     summary = "A curve such as gamma changes the contrast of the picture."
     equation = "y <- y^(1 / gamma); srgb: 12.92 y up to 0.0031308, then 1.055 y^(1 / 2.4) - 0.055"
     source = "IEC 61966-2-1 (sRGB); ITU-R BT.709"
-    separates = (
-        "image a step wedge: values against light follow the curve, and so does the noise against the mean"
-    )
+    separates = """image a step wedge: values against light follow the curve, and so does the noise against the mean"""
     map_unit = "share of full scale"
     map_low = 0.0
     map_is_table = True
-    gamma = Parameter(
-        2.2, low=0.1, high=10.0, trials=(1.5, 2.2), source="1: none; 2.2: displays", of=("gamma",)
-    )
-    curve = Parameter(
-        "gamma", options=("gamma", "srgb"), source="srgb: the curve of nearly all 8-bit pictures"
-    )
+    gamma = Parameter(2.2, "1", 0.1, 10.0, "1: none; 2.2: displays", trials=(1.5, 2.2), of=("gamma",))
+    curve = choice(("gamma", "srgb"), "srgb: the curve of nearly all 8-bit pictures")
 
     def apply(self, signal, p, stream, context):
         signal = signal.clamp(0, 1)
-        table = context.maps.get(self.name)
-        if table is not None:
+        if (table := context.maps.get(self.name)) is not None:
             return _interpolated(signal, table.flatten().to(signal))
         if p.curve == "srgb":
             bent = 1.055 * signal.clamp_min(0.0031308) ** (1 / 2.4) - 0.055

@@ -2,10 +2,10 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import AdditiveNoise, Parameter, Stage, Strength
 
 
-class BlackLevelDrift(Effect):
+class BlackLevelDrift(AdditiveNoise):
     """The clamp that sets the black level is noisy and depends on the temperature of the electronics.
 
     Along a sequence the offset is a first-order autoregression with standard deviation `sigma_e` and `correlation` between
@@ -18,28 +18,17 @@ class BlackLevelDrift(Effect):
     aliases = ("offset drift", "bias drift", "pedestal drift", "clamp noise")
     summary = "The offset of the whole frame changes from frame to frame."
     equation = "V <- V + d_t, d_t = r d_(t-1) + sigma sqrt(1 - r^2) n_t, n_t ~ N(0, 1)"
-    source = (
-        "EMVA 1288 release 4 Linear, stability of the dark signal; J. Janesick, Photon Transfer (SPIE 2007)"
-    )
-    separates = (
-        "compute the mean of each frame of a dark series: the whole frame shifts, with and without light; "
-        "light_drift is absent in the dark"
-    )
-    sigma_e = Parameter(
-        1.0, unit="e-", high=1e4, strength=True, trials=(0.3, 1.5), source="0.1 to 1 times the read noise"
-    )
-    correlation = Parameter(
-        0.9, unit="1", high=0.999, trials=(0.0, 0.9), source="depends on the frame rate; assumed"
-    )
+    source = """EMVA 1288 release 4 Linear, stability of the dark signal; J. Janesick, Photon Transfer (SPIE 2007)"""
+    separates = """compute the mean of each frame of a dark series: the whole frame shifts, with and without
+    light; light_drift is absent in the dark"""
+    sigma_e = Strength(1.0, "e-", 0.0, 1e4, "0.1 to 1 times the read noise", trials=(0.3, 1.5))
+    correlation = Parameter(0.9, "1", 0.0, 0.999, "depends on the frame rate; assumed", trials=(0.0, 0.9))
 
     def apply(self, signal, p, stream, context):
         course = stream.normal("frame")
         if context.sequence:
             course = self._walk(course, p.correlation, context)
         return signal + p.sigma_e * course
-
-    def moments(self, mean, p, context):
-        return mean, p.sigma_e**2
 
     def _walk(self, fresh, correlation, context):
         """Autoregressive course of variance 1 from white numbers (B, 1, 1, 1), on from the last batch."""

@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 
 MOST = 64  # channels; column-parallel sensors have 2 to 64 outputs
 READ = (2, 3, 4, 6, 8, 12, 16)  # interleaved channels that a look at the columns distinguishes,
@@ -21,50 +21,21 @@ class ColumnParity(Effect):
     name = "column_parity"
     stage = Stage.READOUT
     order = 32
-    aliases = (
-        "odd-even columns",
-        "tap mismatch",
-        "channel mismatch",
-        "fixed pattern noise",
-        "FPN",
-        "vertical stripes",
-    )
+    aliases = ("odd-even columns", "tap mismatch", "channel mismatch", "fixed pattern noise", "FPN")
+    aliases += ("vertical stripes",)
     summary = "Columns of several readout channels differ in offset and gain."
-    equation = (
-        "V <- V (1 + gain g_k) + offset o_k, k = column mod n, or floor(n column / columns); o and g of mean 0 and rms 1 over "
-        "the n channels, drawn once per camera"
-    )
-    source = (
-        "A. El Gamal et al., Modeling and estimation of FPN components in CMOS image sensors, Proc. SPIE 3301 (1998) 168 (column "
-        "FPN); derived for amplifiers that take turns"
-    )
-    separates = (
-        "average many dark frames and compute the spectrum of the column means: lines at multiples of 1/n; the column part of "
-        "dsnu is white, tap_mismatch has one step"
-    )
-    offset_e = Parameter(
-        1.0, unit="e-", high=1e4, strength=True, trials=(0.3, 1.5), source="rms; a fraction of the read noise"
-    )
-    gain = Parameter(
-        0.0,
-        unit="fraction",
-        high=0.2,
-        strength=True,
-        trials=(0.002, 0.01),
-        source="rms; matched to 0.1 to 1 %",
-    )
+    equation = """V <- V (1 + gain g_k) + offset o_k, k = column mod n, or floor(n column / columns); o and g
+    of mean 0 and rms 1 over the n channels, drawn once per camera"""
+    source = """A. El Gamal et al., Modeling and estimation of FPN components in CMOS image sensors, Proc.
+    SPIE 3301 (1998) 168 (column FPN); derived for amplifiers that take turns"""
+    separates = """average many dark frames and compute the spectrum of the column means: lines at multiples
+    of 1/n; the column part of dsnu is white, tap_mismatch has one step"""
+    offset_e = Strength(1.0, "e-", 0.0, 1e4, "rms; a fraction of the read noise", trials=(0.3, 1.5))
+    gain = Strength(0.0, "fraction", 0.0, 0.2, "rms; matched to 0.1 to 1 %", trials=(0.002, 0.01))
     channels = Parameter(
-        2.0,
-        unit="channels",
-        low=2.0,
-        high=MOST,
-        integer=True,
-        trials=(2, 4, 8),
-        source="2: odd and even columns",
+        2.0, "channels", 2.0, MOST, "2: odd and even columns", integer=True, trials=(2, 4, 8)
     )
-    layout = Parameter(
-        "interleaved", options=("interleaved", "blocks"), source="blocks: taps side by side, as in large CCDs"
-    )
+    layout = choice(("interleaved", "blocks"), "blocks: taps side by side, as in large CCDs")
 
     @classmethod
     def looks(cls, seen):
@@ -78,9 +49,8 @@ class ColumnParity(Effect):
         if len(profile) < 4 * READ[0]:
             return []
         columns = np.rint(seen.columns / step).astype(int)
-        tests = {
-            n: f_oneway(*(profile[columns % n == k] for k in range(n))) for n in READ if len(profile) >= 4 * n
-        }
+        numbers = [n for n in READ if len(profile) >= 4 * n]
+        tests = {n: f_oneway(*(profile[columns % n == k] for k in range(n))) for n in numbers}
         channels = max(tests, key=lambda n: tests[n].statistic)
         if tests[channels].pvalue > CERTAIN / len(tests):
             return []
@@ -96,10 +66,8 @@ class ColumnParity(Effect):
             own = columns % channels
         else:
             own = torch.floor(columns * channels / context.resolution[1]).clamp_max(MOST - 1)
-        offset, gain = (
-            torch.take_along_dim(_levels(stream.fixed.fork(what), channels), own.long(), -1)
-            for what in ("offset", "gain")
-        )
+        levels = (_levels(stream.fixed.fork(what), channels) for what in ("offset", "gain"))
+        offset, gain = (torch.take_along_dim(level, own.long(), -1) for level in levels)
         return signal * (1 + p.gain * gain) + p.offset_e * offset
 
     def moments(self, mean, p, context):

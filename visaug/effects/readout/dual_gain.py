@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class DualGain(Effect):
@@ -20,40 +20,14 @@ class DualGain(Effect):
     summary = "Above a level the signal is read through a second channel with more noise and another gain and offset."
     equation = "where V > seam: V <- V + gain (V - seam) + offset + noise n, n ~ N(0, 1) in every frame"
     source = "B. Fowler et al., Proc. SPIE 7536 (2010) 753607 (sCMOS, two column amplifiers); step at the seam: derived"
-    separates = (
-        "plot the variance of flats against their mean: a step up at one level, and in the linearity a step or a kink; "
-        "nonlinearity bends smoothly"
-    )
+    separates = """plot the variance of flats against their mean: a step up at one level, and in the linearity
+    a step or a kink; nonlinearity bends smoothly"""
     differentiable = False
     why_not = "which channel a pixel is read from is discrete; the image has gradients within each"
-    noise_e = Parameter(
-        10.0,
-        unit="e-",
-        high=1e4,
-        strength=True,
-        trials=(5.0, 20.0),
-        source="sCMOS: 1.5 e- at high, 30 e- at low gain",
-    )
-    gain = Parameter(
-        0.0,
-        unit="fraction",
-        low=-0.5,
-        high=0.5,
-        strength=True,
-        trials=(0.01, 0.04),
-        source="mismatch; 1 % after calibration",
-    )
-    offset_e = Parameter(
-        0.0, unit="e-", low=-1e4, high=1e4, strength=True, trials=(5.0, 20.0), source="mismatch at the seam"
-    )
-    seam_e = Parameter(
-        1000.0,
-        unit="e-",
-        low=1.0,
-        high=1e7,
-        trials=(700.0, 3000.0),
-        source="range of the channel of high gain",
-    )
+    noise_e = Strength(10.0, "e-", 0.0, 1e4, "sCMOS: 1.5 e- at high, 30 e- at low gain", trials=(5.0, 20.0))
+    gain = Strength(0.0, "fraction", -0.5, 0.5, "mismatch; 1 % after calibration", trials=(0.01, 0.04))
+    offset_e = Strength(0.0, "e-", -1e4, 1e4, "mismatch at the seam", trials=(5.0, 20.0))
+    seam_e = Parameter(1000.0, "e-", 1.0, 1e7, "range of the channel of high gain", trials=(700.0, 3000.0))
 
     def apply(self, signal, p, stream, context):
         second = self._response(signal, p) + p.noise_e * stream.normal()

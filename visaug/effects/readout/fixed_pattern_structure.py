@@ -5,8 +5,10 @@ import math
 import numpy as np
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 from visaug.effects.readout.steps import edges
+
+SHARE = "share of the sensor"  # a unit
 
 
 class FixedPatternStructure(Effect):
@@ -29,25 +31,13 @@ class FixedPatternStructure(Effect):
     order = 15
     aliases = ("fixed pattern noise", "FPN", "banding", "vertical stripes", "bias structure")
     summary = "An additive pattern with bands, steps, slope or period, constant over the frames of a camera."
-    equation = (
-        "V <- V + A f(x): bands, levels, sin(2 pi (x / period + phase)), slope u + curvature (u^2 "
-        "- 1), u from -1 to 1, or steps [x > edge] + second [x > second_edge]"
-    )
+    equation = """V <- V + A f(x): bands, levels, sin(2 pi (x / period + phase)), slope u + curvature (u^2 -
+    1), u from -1 to 1, or steps [x > edge] + second [x > second_edge]"""
     source = "the paper, figs. 2 and 4 (columns in three bands); EMVA 1288 release 4 Linear, spectrograms"
-    separates = (
-        "average many bias frames and compute the row and column profiles and their spectra: dsnu is white;"
-        " periodic_banding and flicker_noise average out; dark-current patterns grow with the exposure"
-    )
+    separates = """average many bias frames and compute the row and column profiles and their spectra: dsnu is
+    white; periodic_banding and flicker_noise average out; dark-current patterns grow with the exposure"""
     map_unit = "e-"
-    amplitude_e = Parameter(
-        2.0,
-        unit="e-",
-        low=-1e4,
-        high=1e4,
-        strength=True,
-        trials=(1.0, 4.0),
-        source="5 e- for the paper's columns",
-    )
+    amplitude_e = Strength(2.0, "e-", -1e4, 1e4, "5 e- for the paper's columns", trials=(1.0, 4.0))
     period_px = Parameter(
         32.0,
         unit="px",
@@ -58,55 +48,27 @@ class FixedPatternStructure(Effect):
         of=("bands", "levels", "wave"),
     )
     curvature = Parameter(
-        0.0,
-        unit="1",
-        low=-1.0,
-        high=1.0,
-        trials=(0.5,),
-        source="of a slope, relative to its linear part",
-        of=("slope",),
+        0.0, "1", -1.0, 1.0, "of a slope, relative to its linear part", trials=(0.5,), of=("slope",)
     )
-    edge = Parameter(
-        0.33,
-        unit="share of the sensor",
-        high=1.0,
-        trials=(0.33,),
-        source="of steps: position of the first",
-        of=("steps",),
-    )
+    edge = Parameter(0.33, SHARE, 0.0, 1.0, "of steps: position of the first", trials=(0.33,), of=("steps",))
     second_edge = Parameter(
-        0.67,
-        unit="share of the sensor",
-        high=1.0,
-        trials=(0.67,),
-        source="of steps: position of the second",
-        of=("steps",),
+        0.67, SHARE, 0.0, 1.0, "of steps: position of the second", trials=(0.67,), of=("steps",)
     )
     second = Parameter(
-        -1.0,
-        unit="1",
-        low=-10.0,
-        high=10.0,
-        trials=(-1.0,),
-        source="of steps: the second relative to the first",
-        of=("steps",),
+        -1.0, "1", -10.0, 10.0, "of steps: the second relative to the first", trials=(-1.0,), of=("steps",)
     )
-    shape = Parameter(
-        "bands",
-        options=("bands", "levels", "wave", "slope", "steps"),
-        source="the paper, fig. 2: levels, steps and a slope",
+    shape = choice(
+        ("bands", "levels", "wave", "slope", "steps"), "the paper, fig. 2: levels, steps and a slope"
     )
-    direction = Parameter("columns", options=("columns", "rows"), source="columns: constant along a column")
+    direction = choice(("columns", "rows"), "columns: constant along a column")
 
     def apply(self, signal, p, stream, context):
-        measured = context.measured_map(self.name, signal)
-        if measured is not None:
+        if (measured := context.measured_map(self.name, signal)) is not None:
             return signal + measured
         return signal + p.amplitude_e * self._pattern(signal, p, stream.fixed, context)
 
     def moments(self, mean, p, context):
-        measured = context.measured_map(self.name, mean)
-        if measured is not None:
+        if (measured := context.measured_map(self.name, mean)) is not None:
             return mean + measured, torch.zeros_like(mean)
         if p.shape == "slope":
             return mean + p.amplitude_e * self._slope(mean, p, context), torch.zeros_like(mean)

@@ -1,10 +1,10 @@
 """1/f noise."""
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import AdditiveNoise, Parameter, Stage, Strength, choice
 from visaug.effects.readout.coloured import STEEPEST, coloured, part_of_coloured
 
 
-class FlickerNoise(Effect):
+class FlickerNoise(AdditiveNoise):
     """Low-frequency noise of an output amplifier, in the order in which it reads the pixels: stripes along rows.
 
     Each frequency along the readout of the whole sensor gets a random amplitude and phase. The simulated record is twice as
@@ -19,35 +19,20 @@ class FlickerNoise(Effect):
     order = 48
     aliases = ("1/f noise", "pink noise", "streaking")
     summary = "Noise along the readout whose power rises towards low frequencies."
-    equation = (
-        "V <- V + f_k, k the pixel's place in the readout; power spectrum ~ 1 / frequency^exponent, "
-        "variance sigma^2"
-    )
-    source = (
-        "J. Janesick, Photon Transfer (SPIE 2007), read noise: flicker noise; shaping as in Timmer "
-        "and Koenig, A&A 300 (1995) 707"
-    )
-    separates = (
-        "compute the spectrum of single dark frames along the readout: flicker noise rises towards low "
-        "frequencies; row_noise is white over the rows and constant within a row"
-    )
-    sigma_e = Parameter(
-        1.0, unit="e-", high=1e4, strength=True, trials=(0.5, 1.5), source="0.1 to 1 times the read noise"
-    )
+    equation = """V <- V + f_k, k the pixel's place in the readout; power spectrum ~ 1 / frequency^exponent,
+    variance sigma^2"""
+    source = """J. Janesick, Photon Transfer (SPIE 2007), read noise: flicker noise; shaping as in Timmer and
+    Koenig, A&A 300 (1995) 707"""
+    separates = """compute the spectrum of single dark frames along the readout: flicker noise rises towards
+    low frequencies; row_noise is white over the rows and constant within a row"""
+    sigma_e = Strength(1.0, "e-", 0.0, 1e4, "0.1 to 1 times the read noise", trials=(0.5, 1.5))
     exponent = Parameter(
-        1.0,
-        unit="1",
-        high=2.0,
-        trials=(0.7, 1.0, 1.4),
-        source="near 1 for MOS transistors; 2 is a random walk",
+        1.0, "1", 0.0, 2.0, "near 1 for MOS transistors; 2 is a random walk", trials=(0.7, 1.0, 1.4)
     )
-    direction = Parameter(
-        "rows", options=("rows", "columns"), source="rows: pixels of a row are read one after another"
-    )
-    clamp = Parameter(
-        "none",
-        options=("none", "frame"),
-        source="none: periods longer than a frame shift the whole frame; frame: a black clamp removes the mean of each frame",
+    direction = choice(("rows", "columns"), "rows: pixels of a row are read one after another")
+    clamp = choice(
+        ("none", "frame"),
+        "none: periods longer than a frame shift the whole frame; frame: a black clamp removes the mean of each frame",
     )
 
     def apply(self, signal, p, stream, context):
@@ -67,6 +52,3 @@ class FlickerNoise(Effect):
             ..., inside.start : inside.stop, read[1].start : read[1].stop
         ]
         return signal + p.sigma_e * (noise if p.direction == "rows" else noise.transpose(-1, -2))
-
-    def moments(self, mean, p, context):
-        return mean, p.sigma_e**2

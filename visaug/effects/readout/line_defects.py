@@ -3,7 +3,7 @@
 import torch
 import torch.nn.functional as F
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 
 MOST_PX = 5  # side of a cluster
 
@@ -22,46 +22,29 @@ class LineDefects(Effect):
     order = 35
     aliases = ("dead column", "bright column", "bad rows", "defect clusters", "blinking line")
     summary = "A few columns, rows or clusters are dead, bright or unstable."
-    equation = (
-        "V <- 0 (dead), V + level e (bright), V + level n (unstable) in a share `density` of the lines; e ~ Exp(1) per camera, "
-        "n ~ N(0, 1) in every frame"
-    )
-    source = (
-        "classes of data sheets (dead, bright, clusters); after J. Janesick, Scientific Charge-Coupled Devices (SPIE 2001), column "
-        "defects; exponential levels: assumed"
-    )
-    separates = (
-        "average many frames and plot the column and row means: single lines stand out from the Gaussian scatter of dsnu; the "
-        "variance in time of unstable lines is larger than that of their neighbours"
-    )
+    equation = """V <- 0 (dead), V + level e (bright), V + level n (unstable) in a share `density` of the
+    lines; e ~ Exp(1) per camera, n ~ N(0, 1) in every frame"""
+    source = """classes of data sheets (dead, bright, clusters); after J. Janesick, Scientific Charge-Coupled
+    Devices (SPIE 2001), column defects; exponential levels: assumed"""
+    separates = """average many frames and plot the column and row means: single lines stand out from the Gaussian
+    scatter of dsnu; the variance in time of unstable lines is larger than that of their neighbours"""
     differentiable = False
     why_not = "whether a line is defective is discrete; image and level have gradients elsewhere"
-    density = Parameter(
+    density = Strength(
         0.003,
         unit="share of lines",
         high=0.5,
-        strength=True,
         trials=(0.01, 0.04),
         source="grades of datasheets: 0 to 10 lines of a sensor",
     )
     level_e = Parameter(
-        10.0,
-        unit="e-",
-        high=1e6,
-        trials=(5.0, 20.0),
-        source="of bright and unstable lines; several times the read noise",
+        10.0, "e-", 0.0, 1e6, "of bright and unstable lines; several times the read noise", trials=(5.0, 20.0)
     )
     size_px = Parameter(
-        3.0,
-        unit="px",
-        low=1.0,
-        high=MOST_PX,
-        integer=True,
-        source="datasheets: clusters of 2 to 5 pixels",
-        of=("clusters",),
+        3.0, "px", 1.0, MOST_PX, "datasheets: clusters of 2 to 5 pixels", integer=True, of=("clusters",)
     )
-    kind = Parameter("bright", options=("bright", "dead", "unstable"), source="classes of datasheets")
-    shape = Parameter("columns", options=("columns", "rows", "clusters"), source="classes of datasheets")
+    kind = choice(("bright", "dead", "unstable"), "classes of datasheets")
+    shape = choice(("columns", "rows", "clusters"), "classes of datasheets")
 
     def apply(self, signal, p, stream, context):
         vary = {"columns": "column", "rows": "row"}.get(p.shape, "pixel")

@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Noiseless, Parameter, Stage
+from visaug.effects.effect import Noiseless, Stage, Strength, choice
 
 
 class Nonlinearity(Noiseless):
@@ -18,35 +18,27 @@ class Nonlinearity(Noiseless):
     aliases = ("linearity error", "INL", "gamma", "compression")
     summary = "The response is not proportional to the signal."
     equation = "V <- V + S (quadratic x^2 + cubic x^3), x = V / S in [0, 1], S the full scale; linear outside"
-    source = (
-        "EMVA 1288 release 4 Linear, linearity error; J. Janesick, Photon Transfer (SPIE 2007), nonlinearity"
-    )
-    separates = (
-        "take flats at several exposures with constant light: the mean is not proportional to the exposure "
-        "while dark frames do not change; blooming and saturation act only near the full well"
-    )
-    quadratic = Parameter(
+    source = """EMVA 1288 release 4 Linear, linearity error; J. Janesick, Photon Transfer (SPIE 2007), nonlinearity"""
+    separates = """take flats at several exposures with constant light: the mean is not proportional to the
+    exposure while dark frames do not change; blooming and saturation act only near the full well"""
+    quadratic = Strength(
         -0.02,
         unit="fraction",
         low=-0.15,
         high=0.15,
-        strength=True,
         trials=(-0.01, -0.04),
         source="deviation at full scale; EMVA 1288 datasheets state 0.2 to 3 %",
     )
-    cubic = Parameter(
+    cubic = Strength(
         0.0,
         unit="fraction",
         low=-0.15,
         high=0.15,
-        strength=True,
         trials=(-0.01, -0.04),
         source="deviation at full scale; the next term of the curve",
     )
-    full_scale = Parameter(
-        "full_well",
-        options=("full_well", "converter"),
-        source="signal range to which the curve refers: full well or converter range",
+    full_scale = choice(
+        ("full_well", "converter"), "signal range to which the curve refers: full well or converter range"
     )
 
     def apply(self, signal, p, stream, context):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class PeriodicBanding(Effect):
@@ -19,21 +19,13 @@ class PeriodicBanding(Effect):
     order = 50
     aliases = ("banding", "EMI", "mains hum", "interference", "pattern noise", "horizontal stripes")
     summary = "A sinusoidal offset over the rows, with a random phase in each frame."
-    equation = (
-        "V <- V + A (sin theta + h sin 2 theta), theta = 2 pi (row / period + phase), phase ~ U(0, 1) "
-        "in every frame"
-    )
-    source = (
-        "K. Wei et al., IEEE TPAMI 44 (2022) 8520 (banding pattern noise); EMVA 1288 release 4 "
-        "Linear, spectrograms"
-    )
-    separates = (
-        "compute the spectrum of the row means of single dark frames: a line at one frequency, absent in "
-        "the average of many frames; a wave of fixed_pattern_structure remains in the average"
-    )
-    amplitude_e = Parameter(
-        1.0, unit="e-", high=1e4, strength=True, trials=(0.5, 1.5), source="0.1 to 1 times the read noise"
-    )
+    equation = """V <- V + A (sin theta + h sin 2 theta), theta = 2 pi (row / period + phase), phase ~ U(0, 1)
+    in every frame"""
+    source = """K. Wei et al., IEEE TPAMI 44 (2022) 8520 (banding pattern noise); EMVA 1288 release 4 Linear,
+    spectrograms"""
+    separates = """compute the spectrum of the row means of single dark frames: a line at one frequency,
+    absent in the average of many frames; a wave of fixed_pattern_structure remains in the average"""
+    amplitude_e = Strength(1.0, "e-", 0.0, 1e4, "0.1 to 1 times the read noise", trials=(0.5, 1.5))
     period_rows = Parameter(
         20.0,
         unit="px",
@@ -43,11 +35,7 @@ class PeriodicBanding(Effect):
         source="row rate divided by the interfering frequency",
     )
     second_harmonic = Parameter(
-        0.0,
-        unit="fraction",
-        high=1.0,
-        trials=(0.5,),
-        source="amplitude relative to the first; 0: a pure sine",
+        0.0, "fraction", 0.0, 1.0, "amplitude relative to the first; 0: a pure sine", trials=(0.5,)
     )
 
     def apply(self, signal, p, stream, context):

@@ -3,7 +3,7 @@
 import torch
 
 from visaug.core.sampling.tukey_lambda import standard_deviation_tensor
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 
 # A random number of 32 bits ends at a tail of p = 2^-33. Beyond it lies a share of the variance that grows as the shape falls,
 # 2 p^(2L + 1) / (L^2 (2L + 1) var): 0.3 % here, so that the standard deviation is 0.2 % short at most; 2 % at -0.4.
@@ -28,29 +28,14 @@ class ReadNoise(Effect):
     summary = "Reading a pixel adds signal-independent noise; its tails may be heavier than Gaussian."
     equation = "V <- V + sigma TL(shape) + G(dB) sigma_after N, TL normalised to standard deviation 1"
     source = "the paper, eq. 4; K. Wei et al., IEEE TPAMI 44 (2022) 8520; after the gain: EMVA 1288 release 4 Linear, eq. 8"
-    separates = (
-        "take bias frames: read noise is the independent noise of single pixels; shot noise requires light "
-        "or exposure, row_noise and column_noise are common to a line; the histogram of the residuals shows"
-        " the shape"
-    )
+    separates = """take bias frames: read noise is the independent noise of single pixels; shot noise requires light or
+    exposure, row_noise and column_noise are common to a line; the histogram of the residuals shows the shape"""
     map_unit = "e-"
     map_low = 0.0
-    sigma_e = Parameter(
-        0.0, unit="e-", high=1e4, strength=True, source="EMVA 1288: temporal dark noise", trials=(1.0, 3.0)
-    )
-    shape = Parameter(
-        0.14,
-        unit="1",
-        low=LEAST_SHAPE,
-        high=1.0,
-        source="0.14 is nearly Gaussian; the paper's camera has -0.23",
-    )
-    after_gain_dn = Parameter(
-        0.0, unit="DN", high=65535.0, source="converter and line noise after the gain stage"
-    )
-    meaning = Parameter(
-        "standard_deviation", options=("standard_deviation", "scale"), source="scale: as fitted in the paper"
-    )
+    sigma_e = Strength(0.0, "e-", 0.0, 1e4, "EMVA 1288: temporal dark noise", trials=(1.0, 3.0))
+    shape = Parameter(0.14, "1", LEAST_SHAPE, 1.0, "0.14 is nearly Gaussian; the paper's camera has -0.23")
+    after_gain_dn = Parameter(0.0, "DN", 0.0, 65535.0, "converter and line noise after the gain stage")
+    meaning = choice(("standard_deviation", "scale"), "scale: as fitted in the paper")
 
     @classmethod
     def strengths(cls):
@@ -69,7 +54,6 @@ class ReadNoise(Effect):
 
 def _sigma(like, p, context):
     """Standard deviation before the gain stage in electrons: of every pixel where it was measured, else of all."""
-    measured = context.measured_map(ReadNoise.name, like)
-    if measured is not None:
+    if (measured := context.measured_map(ReadNoise.name, like)) is not None:
         return measured
     return p.sigma_e * standard_deviation_tensor(p.shape).float() if p.meaning == "scale" else p.sigma_e

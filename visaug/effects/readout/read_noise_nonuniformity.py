@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength
 
 
 class ReadNoiseNonuniformity(Effect):
@@ -20,21 +20,17 @@ class ReadNoiseNonuniformity(Effect):
     aliases = ("noisy pixels", "sCMOS noise map", "pixel-dependent noise")
     summary = "Each pixel has its own read noise; few pixels have much more than the others."
     equation = "V <- V + s_pixel n, n ~ N(0, 1) in every frame, s = excess exp(spread z - spread^2), z ~ N(0, 1) per camera"
-    source = (
-        "F. Huang et al., Nature Methods 10 (2013) 653 (noise maps of sCMOS cameras); X. Wang et al., IEDM 2006 "
-        "(source-follower noise)"
-    )
-    separates = (
-        "compute the variance of each pixel over many dark frames: it differs by more than the chi-square scatter and is the "
-        "same in the next series; heavy tails of read_noise occur in all pixels, rts_noise has discrete levels"
-    )
+    source = """F. Huang et al., Nature Methods 10 (2013) 653 (noise maps of sCMOS cameras); X. Wang et al.,
+    IEDM 2006 (source-follower noise)"""
+    separates = """compute the variance of each pixel over many dark frames: it differs by more than the
+    chi-square scatter and is the same in the next series; heavy tails of read_noise occur in all pixels,
+    rts_noise has discrete levels"""
     map_unit = "e-"
     map_low = 0.0
-    excess_e = Parameter(
+    excess_e = Strength(
         1.0,
         unit="e-",
         high=1e4,
-        strength=True,
         trials=(0.7, 2.0),
         source="rms over the pixels of what each has beyond the common read noise; sCMOS: 0.5 to 1 e-",
     )
@@ -47,8 +43,7 @@ class ReadNoiseNonuniformity(Effect):
     )
 
     def apply(self, signal, p, stream, context):
-        own = context.measured_map(self.name, signal)
-        if own is None:
+        if (own := context.measured_map(self.name, signal)) is None:
             own = p.excess_e * torch.exp(p.spread * stream.fixed.normal() - p.spread**2)
         return signal + own * stream.fork("noise").normal()
 

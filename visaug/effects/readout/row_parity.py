@@ -1,6 +1,6 @@
 """Odd and even rows."""
 
-from visaug.effects.effect import Noiseless, Parameter, Stage
+from visaug.effects.effect import Noiseless, Stage, Strength
 
 
 class RowParity(Noiseless):
@@ -15,32 +15,14 @@ class RowParity(Noiseless):
     aliases = ("odd-even rows", "fixed pattern noise", "FPN", "horizontal stripes")
     summary = "Odd and even rows have a constant difference in offset and gain."
     equation = "V <- V (1 + s gain / 2) + s offset / 2, s = +1 on rows 1, 3, 5 ..., -1 on rows 0, 2, 4 ..."
-    source = (
-        "J. Nakamura (ed.), Image Sensors and Signal Processing for Digital Still Cameras (CRC 2006), "
-        "fixed-pattern noise"
+    source = """J. Nakamura (ed.), Image Sensors and Signal Processing for Digital Still Cameras (CRC 2006),
+    fixed-pattern noise"""
+    separates = """average many frames and subtract even from odd rows: constant in the dark (offset), growing
+    with the light (gain); tap_mismatch has a single step instead"""
+    offset_e = Strength(
+        1.0, "e-", -1e4, 1e4, "a fraction of the read noise; odd minus even", trials=(0.3, 1.0)
     )
-    separates = (
-        "average many frames and subtract even from odd rows: constant in the dark (offset), growing with "
-        "the light (gain); tap_mismatch has a single step instead"
-    )
-    offset_e = Parameter(
-        1.0,
-        unit="e-",
-        low=-1e4,
-        high=1e4,
-        strength=True,
-        trials=(0.3, 1.0),
-        source="a fraction of the read noise; odd minus even",
-    )
-    gain = Parameter(
-        0.0,
-        unit="fraction",
-        low=-0.5,
-        high=0.5,
-        strength=True,
-        trials=(0.003, 0.01),
-        source="like a PRNU of rows; odd minus even",
-    )
+    gain = Strength(0.0, "fraction", -0.5, 0.5, "like a PRNU of rows; odd minus even", trials=(0.003, 0.01))
 
     def apply(self, signal, p, stream, context):
         side = (context.rows(signal) % 2).to(signal.dtype) - 0.5

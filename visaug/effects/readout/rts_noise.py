@@ -2,7 +2,7 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
 from visaug.effects.telegraph import kept_states
 
 
@@ -19,41 +19,22 @@ class RTSNoise(Effect):
     order = 55
     aliases = ("RTS", "RTN", "random telegraph noise", "blinking pixels", "salt and pepper", "popcorn noise")
     summary = "A few pixels jump between discrete levels from frame to frame."
-    equation = (
-        "V <- V + A_pixel s, s in {0, 1} with P(1) = duty, s_k = s_(k-1) with probability kept, else drawn anew; "
-        "three levels: s = s_1 - s_2, both drawn anew in each frame"
-    )
-    source = (
-        "X. Wang et al., Random telegraph signal in CMOS image sensor pixels, IEDM 2006; EMVA 1288 "
-        "release 4 General"
-    )
-    separates = (
-        "take a long series of dark frames: single pixels jump between levels; hot_pixels and dsnu are "
-        "constant; cosmic_rays occur once"
-    )
+    equation = """V <- V + A_pixel s, s in {0, 1} with P(1) = duty, s_k = s_(k-1) with probability kept, else
+    drawn anew; three levels: s = s_1 - s_2, both drawn anew in each frame"""
+    source = """X. Wang et al., Random telegraph signal in CMOS image sensor pixels, IEDM 2006; EMVA 1288
+    release 4 General"""
+    separates = """take a long series of dark frames: single pixels jump between levels; hot_pixels and dsnu
+    are constant; cosmic_rays occur once"""
     differentiable = False
-    why_not = (
-        "whether a pixel has a trap, and its state in a frame, are discrete; the image and the amplitude "
-        "have gradients"
-    )
-    density = Parameter(
-        0.003,
-        unit="share of pixels",
-        high=1.0,
-        strength=True,
-        trials=(0.001, 0.01),
-        source="0.1 to 1 % of CMOS pixels (Wang et al.)",
+    why_not = """whether a pixel has a trap, and its state in a frame, are discrete; the image and the
+    amplitude have gradients"""
+    density = Strength(
+        0.003, "share of pixels", 0.0, 1.0, "0.1 to 1 % of CMOS pixels (Wang et al.)", trials=(0.001, 0.01)
     )
     amplitude_e = Parameter(
-        15.0,
-        unit="e-",
-        high=1e4,
-        trials=(10.0, 30.0),
-        source="mean; a few to tens of electrons (Wang et al.)",
+        15.0, "e-", 0.0, 1e4, "mean; a few to tens of electrons (Wang et al.)", trials=(10.0, 30.0)
     )
-    duty = Parameter(
-        0.5, unit="1", high=1.0, trials=(0.2, 0.5), source="fraction of the time in the upper level"
-    )
+    duty = Parameter(0.5, "1", 0.0, 1.0, "fraction of the time in the upper level", trials=(0.2, 0.5))
     kept = Parameter(
         0.0,
         unit="1",
@@ -62,10 +43,8 @@ class RTSNoise(Effect):
         source="time constants vary by decades (Wang et al.): some traps are slower than the frame rate",
         of=("two",),
     )
-    amplitudes = Parameter(
-        "exponential", options=("exponential", "equal"), source="exponential in Wang et al., fig. 5"
-    )
-    levels = Parameter("two", options=("two", "three"), source="three with correlated double sampling")
+    amplitudes = choice(("exponential", "equal"), "exponential in Wang et al., fig. 5")
+    levels = choice(("two", "three"), "three with correlated double sampling")
 
     def apply(self, signal, p, stream, context):
         fixed = stream.fixed

@@ -1,6 +1,6 @@
 """Two taps."""
 
-from visaug.effects.effect import Noiseless, Parameter, Stage
+from visaug.effects.effect import Noiseless, Parameter, Stage, Strength, choice
 from visaug.effects.readout.steps import edges
 
 
@@ -15,35 +15,19 @@ class TapMismatch(Noiseless):
     stage = Stage.READOUT
     order = 20
     aliases = ("channel mismatch", "seam", "quadrant step", "amplifier step")
-    summary = (
-        "Two halves of the sensor are read with different gain and offset, which gives a step at the seam."
-    )
+    summary = """Two halves of the sensor are read with different gain and offset, which gives a step at the seam."""
     equation = "V <- V (1 + s gain / 2) + s offset / 2, s = -1 before the seam and +1 behind it"
     source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE 2001), multiple output amplifiers"
-    separates = (
-        "average many dark frames and many flats: a step at the seam, constant in the dark (offset) and "
-        "growing with the light (gain); vignetting has no step"
+    separates = """average many dark frames and many flats: a step at the seam, constant in the dark (offset)
+    and growing with the light (gain); vignetting has no step"""
+    offset_e = Strength(
+        2.0, "e-", -1e4, 1e4, "about the read noise; second minus first half", trials=(0.5, 2.0)
     )
-    offset_e = Parameter(
-        2.0,
-        unit="e-",
-        low=-1e4,
-        high=1e4,
-        strength=True,
-        trials=(0.5, 2.0),
-        source="about the read noise; second minus first half",
+    gain = Strength(
+        0.0, "fraction", -0.5, 0.5, "matched to about 1 %; second minus first half", trials=(0.005, 0.02)
     )
-    gain = Parameter(
-        0.0,
-        unit="fraction",
-        low=-0.5,
-        high=0.5,
-        strength=True,
-        trials=(0.005, 0.02),
-        source="matched to about 1 %; second minus first half",
-    )
-    seam = Parameter(0.5, unit="share of the sensor", high=1.0, trials=(0.5,), source="0.5 is the middle")
-    direction = Parameter("columns", options=("columns", "rows"), source="columns: left and right halves")
+    seam = Parameter(0.5, "share of the sensor", 0.0, 1.0, "0.5 is the middle", trials=(0.5,))
+    direction = choice(("columns", "rows"), "columns: left and right halves")
 
     def apply(self, signal, p, stream, context):
         place, extent = context.places(p.direction, signal)

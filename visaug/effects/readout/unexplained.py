@@ -32,31 +32,23 @@ class Unexplained(Effect):
     order = 55
     aliases = ("empirical noise", "measured noise", "residual pattern")
     summary = "A fixed pattern, noise of rows and columns, and pixel noise as measured, of unknown cause."
-    equation = (
-        "V <- V + m + r_row + c_column + sqrt(v(V)) z; m measured, z ~ N(0, 1), r and c stationary Gaussian with the measured "
-        "power spectra, r, c and z new in every frame"
-    )
-    source = (
-        "measured from the frames by `visaug diagnose --unexplained`; spectra as in EMVA 1288 release 4 Linear, spectrograms; "
-        "noise of a given spectrum as in J. Timmer and M. Koenig, A&A 300 (1995) 707"
-    )
+    equation = """V <- V + m + r_row + c_column + sqrt(v(V)) z; m measured, z ~ N(0, 1), r and c stationary
+    Gaussian with the measured power spectra, r, c and z new in every frame"""
+    source = """measured from the frames by `visaug diagnose --unexplained`; spectra as in EMVA 1288 release 4
+    Linear, spectrograms; noise of a given spectrum as in J. Timmer and M. Koenig, A&A 300 (1995) 707"""
     separates = "it is what remains when no effect of the catalogue is accepted; diagnose again once its cause is known"
     map_unit = "e- and e-^2"
 
     def apply(self, signal, p, stream, context):
         rows, columns, pixels = (stream.fork(part) for part in ("row", "column", "pixel"))
         out = signal
-        pattern = context.measured_map(f"{self.name}.map_e", signal)
-        if pattern is not None:
+        if (pattern := context.measured_map(f"{self.name}.map_e", signal)) is not None:
             out = out + pattern
-        power = self._part("row_power_e2", signal, context)
-        if power is not None:
+        if (power := self._part("row_power_e2", signal, context)) is not None:
             out = out + _lines(power, rows, context.window[0]).unsqueeze(-1)
-        power = self._part("column_power_e2", signal, context)
-        if power is not None:
+        if (power := self._part("column_power_e2", signal, context)) is not None:
             out = out + _lines(power, columns, context.window[1]).unsqueeze(-2)
-        variance = self._variance(signal, context)
-        if variance is not None:
+        if (variance := self._variance(signal, context)) is not None:
             noisy = variance > 0  # the root has no derivative at 0
             out = out + torch.where(noisy, variance, 1.0).sqrt() * noisy * pixels.normal()
         return out
@@ -66,10 +58,8 @@ class Unexplained(Effect):
         powers = [self._part(part, mean, context) for part in ("row_power_e2", "column_power_e2")]
         variance = sum((power.mean() for power in powers if power is not None), torch.zeros_like(mean))
         of_pixels = self._variance(mean, context)
-        return (
-            mean if pattern is None else mean + pattern,
-            variance if of_pixels is None else variance + of_pixels,
-        )
+        mean = mean if pattern is None else mean + pattern
+        return mean, variance if of_pixels is None else variance + of_pixels
 
     def _part(self, part, like, context):
         found = context.maps.get(f"{self.name}.{part}")
@@ -96,12 +86,7 @@ def _lines(power: Tensor, stream, window: range) -> Tensor:
 
 
 def fault_of(arrays: dict[str, np.ndarray], resolution: tuple[int, int]) -> tuple[str, str] | None:
-    """What is wrong with the arrays of a file, and what was expected; None if they are parts of this effect.
-
-    Args:
-        arrays: by name.
-        resolution: rows and columns of the sensor.
-    """
+    """What is wrong with the arrays of a file, and what was expected; None if they are parts of this effect."""
     for name, values in arrays.items():
         if name not in PARTS:
             return f"holds {name}", f"some of {', '.join(PARTS)}"
@@ -115,16 +100,10 @@ def fault_of(arrays: dict[str, np.ndarray], resolution: tuple[int, int]) -> tupl
     for name, shape in shapes.items():
         if name in arrays and arrays[name].shape != shape:
             return f"{name} has shape {arrays[name].shape}", f"{shape}, the camera's resolution"
-    level, variance = arrays.get("level_e"), arrays.get("variance_e2")
-    if level is not None or variance is not None:
-        if (
-            level is None
-            or variance is None
-            or level.ndim != 1
-            or not len(level)
-            or level.shape != variance.shape
-        ):
+    at, variance = arrays.get("level_e"), arrays.get("variance_e2")
+    if at is not None or variance is not None:
+        if at is None or variance is None or at.ndim != 1 or not len(at) or at.shape != variance.shape:
             return "level_e and variance_e2 do not match", "both, of one length"
-        if (np.diff(level.astype(np.float32)) <= 0).any():
+        if (np.diff(at.astype(np.float32)) <= 0).any():
             return "level_e does not rise", "levels in rising order"
     return None

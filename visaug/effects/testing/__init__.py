@@ -19,11 +19,7 @@ __all__ = ["LAWS", "Law", "LawBroken", "broken_laws", "check_effect"]
 
 
 def broken_laws(effect: type[Effect]) -> dict[str, str]:
-    """Which laws an effect breaks: name of the law, and what differs.
-
-    Raises:
-        InputError: the definition is incomplete, or `apply` fails on a small frame.
-    """
+    """Which laws an effect breaks: name of the law, and what differs."""
     check_definition(effect)
     try_effect(effect)
     broken = {}
@@ -54,11 +50,8 @@ def check_effect(effect: type[Effect]) -> None:
         >>> check_effect(visaug.effects.RowNoise)
     """
     if not (isinstance(effect, type) and issubclass(effect, Effect)):
-        raise InputError(
-            f"{effect!r} is no class of an effect", expected="for example visaug.effects.RowNoise"
-        )
-    broken = broken_laws(effect)
-    if broken:
-        raise InputError(
-            f"effect {effect.name}: " + "; ".join(f"{law}: {text}" for law, text in broken.items())
-        )
+        problem = f"{effect!r} is no class of an effect"
+        raise InputError(problem, expected="for example visaug.effects.RowNoise")
+    if broken := broken_laws(effect):
+        said = "; ".join(f"{law}: {text}" for law, text in broken.items())
+        raise InputError(f"effect {effect.name}: {said}")

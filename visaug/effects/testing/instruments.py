@@ -11,23 +11,10 @@ from visaug.core.sampling import Stream
 from visaug.effects.effect import Context, Effect, Stage, Values
 from visaug.effects.parameter import Parameter
 
-LEVEL = {
-    Stage.OPTICS: 3000.0,
-    Stage.GENERATION: 800.0,
-    Stage.CHARGE: 800.0,
-    Stage.READOUT: 800.0,
-    Stage.DIGITAL: 700.0,
-    Stage.PICTURE: 0.4,
-}
-CONTEXT = {
-    "exposure_s": 0.5,
-    "temperature_c": 25.0,
-    "gain_e_per_dn": 1.7,
-    "black_level_dn": 64.0,
-    "full_well_e": 3000.0,
-    "quantum_efficiency": 0.6,
-    "dark_current_e": 12.0,
-}
+LEVEL = {Stage.OPTICS: 3000.0, Stage.GENERATION: 800.0, Stage.CHARGE: 800.0, Stage.READOUT: 800.0}
+LEVEL |= {Stage.DIGITAL: 700.0, Stage.PICTURE: 0.4}
+CONTEXT = {"exposure_s": 0.5, "temperature_c": 25.0, "gain_e_per_dn": 1.7, "black_level_dn": 64.0}
+CONTEXT |= {"full_well_e": 3000.0, "quantum_efficiency": 0.6, "dark_current_e": 12.0}
 
 
 def usual(parameter: Parameter) -> float | str:
@@ -54,9 +41,8 @@ def tensors(named: dict[str, Any], dtype: torch.dtype = torch.float32) -> Values
     """Words stay words, numbers become (B, 1, 1, 1)."""
 
     def tensor(value: Any) -> Any:
-        return (
-            value if isinstance(value, str | Tensor) else torch.tensor([value], dtype=dtype).view(-1, 1, 1, 1)
-        )
+        known = isinstance(value, str | Tensor)
+        return value if known else torch.tensor([value], dtype=dtype).view(-1, 1, 1, 1)
 
     return Values(**{name: tensor(value) for name, value in named.items()})
 
@@ -92,9 +78,8 @@ def apply(effect: type[Effect], signal: Tensor, p: Values, stream: Stream, conte
 
 def choices(effect: type[Effect]) -> list[dict[str, Any]]:
     """No choice made, then each word of each categorical parameter."""
-    return [{}] + [
-        {name: word} for name, p in effect.parameters.items() for word in p.options if word != p.default
-    ]
+    words = [(name, p, word) for name, p in effect.parameters.items() for word in p.options]
+    return [{}] + [{name: word} for name, p, word in words if word != p.default]
 
 
 def run(
