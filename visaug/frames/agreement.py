@@ -1,7 +1,5 @@
 """What only the frames of a folder together tell: which are colours of one picture, bodies, settings, ceilings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

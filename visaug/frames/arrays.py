@@ -4,8 +4,6 @@ A stored array is mapped into memory. A compressed one is read whole where it is
 their order cost one pass, a step back starts it anew.
 """
 
-from __future__ import annotations
-
 import struct
 import zipfile
 from collections.abc import Callable

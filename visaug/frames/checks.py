@@ -1,7 +1,5 @@
 """Checks of one frame as it is read, and of a whole set in one pass over its pixels."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -76,7 +74,7 @@ def check_frame(record: FrameRecord, pixels: np.ndarray) -> None:
             raise InputError(problem, file=record.file, expected="raw frames, nothing subtracted")
 
 
-def check(frames: FrameSet) -> list[str]:
+def check(frames: "FrameSet") -> list[str]:
     """Named warnings, each ``name: sentence``; an empty list where nothing is suspicious.
 
     ``duplicate_frames``, ``constant_frame``, ``saturated_flat``, ``clipped_at_zero``, ``bias_saw_light``,
@@ -141,7 +139,7 @@ def check(frames: FrameSet) -> list[str]:
     return found
 
 
-def _lit_bias(frames: FrameSet, means: np.ndarray, spreads: np.ndarray) -> list[int]:
+def _lit_bias(frames: "FrameSet", means: np.ndarray, spreads: np.ndarray) -> list[int]:
     """Bias frames far above the others of their group, or a whole group above the shortest darks like it.
 
     Far: 6 robust standard deviations of the frame means and a quarter of a frame's own pixel spread, so that a drift of the

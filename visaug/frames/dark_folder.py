@@ -1,7 +1,5 @@
 """Folders of dark frames that nothing but their names tells: ``dark_00.png``, ``dark_01.png``."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -21,7 +19,7 @@ def named_kinds(records: Sequence[FrameRecord]) -> list[str | None]:
     return [facts_of_name(split_name(record.file)[0]).get("kind") for record in records]
 
 
-def as_dark(frames: FrameSet) -> list[FrameRecord] | None:
+def as_dark(frames: "FrameSet") -> list[FrameRecord] | None:
     """Pictures as dark frames, where every name says so and no frame shows a scene; None elsewhere.
 
     Their exposure is given as 0, which stands for the shortest one.

@@ -1,7 +1,5 @@
 """FITS: the images of a file, their headers and their pixels."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections.abc import Iterator

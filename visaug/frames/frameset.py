@@ -1,7 +1,5 @@
 """A set of frames: acquisition conditions, order, and pixels that are read on demand."""
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
 from pathlib import Path
@@ -55,7 +53,7 @@ class FrameSet:
         self.loaded_from: Path | None = None
 
     @classmethod
-    def of(cls, source: FrameSet | str | Path, resolution: Sequence[int] | None = None) -> FrameSet:
+    def of(cls, source: "FrameSet | str | Path", resolution: Sequence[int] | None = None) -> "FrameSet":
         """The frame set itself, or the one at a path.
 
         Raises:
@@ -72,7 +70,7 @@ class FrameSet:
         *,
         byte_order: str | None = None,
         bits_at: str | None = None,
-    ) -> FrameSet:
+    ) -> "FrameSet":
         """Loads the frame set at `path`. Pixels are read on demand.
 
         Args:
@@ -130,7 +128,7 @@ class FrameSet:
         frames: np.ndarray | Sequence[np.ndarray],
         cleans: Mapping[str, np.ndarray] | None = None,
         bit_depth: int | None = None,
-    ) -> FrameSet:
+    ) -> "FrameSet":
         """Makes a frame set from arrays in memory.
 
         Args:
@@ -233,17 +231,17 @@ class FrameSet:
             self._groups = group_records(self.records)
         return self._groups
 
-    def subset(self, indices: Iterable[int]) -> FrameSet:
+    def subset(self, indices: Iterable[int]) -> "FrameSet":
         """Returns the frames at these positions as a new set, in order of acquisition. Pixels are shared."""
         indices = list(indices)
         records, positions = [self.records[i] for i in indices], [self._positions[i] for i in indices]
         return FrameSet(records, self._store, positions, self.warnings)
 
-    def with_records(self, records: Sequence[FrameRecord]) -> FrameSet:
+    def with_records(self, records: Sequence[FrameRecord]) -> "FrameSet":
         """Returns the same pixels with other records, one per frame in the same order."""
         return FrameSet(records, self._store, self._positions, self.warnings)
 
-    def assuming_bits(self, bit_depth: int) -> FrameSet:
+    def assuming_bits(self, bit_depth: int) -> "FrameSet":
         """Returns the frames with a converter of `bit_depth` bits, if 16-bit files do not state the bit depth."""
         if self.told_bits is not None or self.bit_depth != 16 or bit_depth >= 16:
             return self

@@ -1,7 +1,5 @@
 """Data sets in HDF5 files, one frame at a time (extra `raw`), and arrays of MATLAB files, which are HDF5 from version 7.3 on."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Conditions of frames from the headers of files of every format, without reading the pixels."""
 
-from __future__ import annotations
-
 import json
 import re
 from contextlib import suppress

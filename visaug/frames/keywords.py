@@ -5,8 +5,6 @@ TRIMSEC, BIASSEC, ZEROCOR), of ESO (DPR TYPE), LSST (IMGTYPE) and of amateur pro
 GAIN, OFFSET, READOUTM, BAYERPAT, ROWORDER, CCD-TEMP, CALSTAT, BLKLEVEL).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Which pixels of a stored image see light, where they lie on the detector, and the colours of their mosaic."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass

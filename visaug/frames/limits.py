@@ -4,8 +4,6 @@ A file of a few bytes can claim any size. Above the limit it is refused before m
 the limit for sensors that are larger.
 """
 
-from __future__ import annotations
-
 import os
 import struct
 import threading
@@ -102,7 +100,7 @@ def lower_limit(pixels: int, expected: str) -> Iterator[None]:
 @contextmanager
 def pillow_image(
     path: Path, formats: tuple[str, ...] = PILLOW_FORMATS, content: IO[bytes] | None = None
-) -> Iterator[Image]:
+) -> "Iterator[Image]":
     """An opened picture of one of the formats, its size checked and its pixels not yet read.
 
     `content` takes the place of the file's.

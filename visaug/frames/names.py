@@ -3,8 +3,6 @@
 A number that can be read in two ways (``dark_3_2s``: 3.2 s, or frame 3 of 2 s) gives no condition and is named.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """One frame's pixels from one file, whatever its format."""
 
-from __future__ import annotations
-
 import os
 import re
 from pathlib import Path

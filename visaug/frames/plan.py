@@ -1,7 +1,5 @@
 """Which frames to take of a camera, and why."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """PGM and 16-bit PNG: the stored numbers. Pillow stretches a PGM of another maximum and cuts gray with alpha to 8 bits."""
 
-from __future__ import annotations
-
 import io
 import re
 import struct

@@ -5,8 +5,6 @@ follow one another, lowest first) and GigE Vision 1.2 (``Mono10Packed``, ``Mono1
 the low bits of both in the middle one).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """What is known of one frame before its pixels are read."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields

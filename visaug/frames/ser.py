@@ -1,7 +1,5 @@
 """SER video of planetary cameras (Grischa Hahn's format description, version 3): every frame as stored."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

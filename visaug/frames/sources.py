@@ -2,8 +2,6 @@
 pictures.
 """
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path, PureWindowsPath

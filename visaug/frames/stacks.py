@@ -1,7 +1,5 @@
 """Tables that count the frames of a stack along its last axis, or name files whose planes are colours."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Where a set's pixels come from: files read one at a time, or arrays in memory. Both check what they hand out."""
 
-from __future__ import annotations
-
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
@@ -35,7 +33,7 @@ class Store(Protocol):
     def numbers(self, i: int) -> np.ndarray: ...
     def clean(self, i: int) -> np.ndarray: ...
     def shape(self, i: int) -> tuple[int, int]: ...
-    def with_bits(self, bit_depth: int) -> Store: ...
+    def with_bits(self, bit_depth: int) -> "Store": ...
     def path(self, i: int) -> Path | None: ...
 
 
@@ -94,7 +92,7 @@ class MemoryStore:
         shape = np.shape(self._frames[i])
         return shape[0], shape[1]
 
-    def with_bits(self, bit_depth: int) -> MemoryStore:
+    def with_bits(self, bit_depth: int) -> "MemoryStore":
         return MemoryStore(self._records, self._frames, self._cleans, bit_depth)
 
     def path(self, i: int) -> Path | None:
@@ -179,7 +177,7 @@ class FileStore:
             self.read(i)
         return self._shapes[i]
 
-    def with_bits(self, bit_depth: int) -> FileStore:
+    def with_bits(self, bit_depth: int) -> "FileStore":
         how = bit_depth, self._byte_order, self._bits_at, self.warnings
         return FileStore(self._records, self._root, self._resolution, *how)
 

@@ -1,7 +1,5 @@
 """A folder's frames by their headers, subfolders and names: the table that frames.csv would be."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """frames.csv: one row a frame."""
 
-from __future__ import annotations
-
 import codecs
 import csv
 import difflib

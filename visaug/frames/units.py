@@ -1,7 +1,5 @@
 """Numbers of headers and tables in seconds and degrees Celsius; None where they are no measurement."""
 
-from __future__ import annotations
-
 import math
 import re
 from typing import Any

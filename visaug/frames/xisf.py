@@ -1,7 +1,5 @@
 """XISF, the format of PixInsight and N.I.N.A. (specification 1.0): the first image of a monolithic file, as stored."""
 
-from __future__ import annotations
-
 import zlib
 from pathlib import Path
 from typing import Any

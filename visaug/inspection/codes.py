@@ -1,7 +1,5 @@
 """Codes of the converter: bits in use, codes that never come, clipping."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Patterns that were found in frames, how improbable it is that clean frames show them, and the answer of an inspection."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field

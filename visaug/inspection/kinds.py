@@ -4,8 +4,6 @@ What a sensor adds to a uniform frame is of rows, of columns, of single pixels, 
 scene, of which no pattern of the camera is read.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,7 +85,7 @@ class _Blocks:
     level: float
 
     @classmethod
-    def of(cls, frame: np.ndarray) -> _Blocks:
+    def of(cls, frame: np.ndarray) -> "_Blocks":
         side = max(8, min(frame.shape) // 32)  # px
         rows, columns = (n // side for n in frame.shape)
         part = frame[: rows * side, : columns * side].astype(np.float64)
@@ -137,7 +135,7 @@ class _Blocks:
         much = 0.4  # of the level, or of a third of the largest code
         return self.contrast > much * max(self.level, scale / 3) or (kind == "dark" and self.has_edges)
 
-    def is_other_scene(self, other: _Blocks, scale: float) -> bool:
+    def is_other_scene(self, other: "_Blocks", scale: float) -> bool:
         """Whether two frames of the same level and largest code differ by what neither rows nor columns explain: by edges, or by
         as much as there is. What a sensor adds does not move.
         """

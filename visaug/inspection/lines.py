@@ -1,7 +1,5 @@
 """Patterns of whole rows; columns are the rows of transposed frames."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field

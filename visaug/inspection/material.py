@@ -3,8 +3,6 @@
 Far-out pixels are drawn in, so that no single pixel can look like a line.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -154,7 +152,7 @@ class FrameGroup:
         padded = np.pad(found, reach, mode="reflect")
         return np.convolve(padded, np.full(2 * reach + 1, 1 / (2 * reach + 1)), mode="valid")
 
-    def transposed(self) -> FrameGroup:
+    def transposed(self) -> "FrameGroup":
         """Columns in place of rows."""
         turned = replace(self, frames=np.ascontiguousarray(self.frames.transpose(0, 2, 1)))
         if "data" in self.__dict__:
@@ -162,7 +160,7 @@ class FrameGroup:
             turned.__dict__["data"] = data
         return turned
 
-    def without_lines(self, bad: np.ndarray) -> FrameGroup:
+    def without_lines(self, bad: np.ndarray) -> "FrameGroup":
         """The same with the given rows replaced by their nearest good neighbours."""
         good = np.flatnonzero(~bad)
         nearest = good[np.abs(np.arange(len(bad))[:, None] - good[None, :]).argmin(1)]

@@ -1,7 +1,5 @@
 """Single pixels and lines that stand out: hot, dead, unstable; and the fixed pattern of all pixels."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

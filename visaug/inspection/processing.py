@@ -1,7 +1,5 @@
 """What was done to the frames before: sharing between neighbours, denoising, demosaicing, defect correction, JPEG."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """From frames to findings: each detector looks at the frames of one kind and level; what they share is put together."""
 
-from __future__ import annotations
-
 import math
 import shlex
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The spectrum of line means: a white level, a rise towards low frequencies, and single lines above both."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
