@@ -54,9 +54,7 @@ class PartlyFailed(Exception):
 def readable(file: str | Path, hint: str) -> Iterator[None]:
     """Around the reading of a file: what libraries raise for a damaged one, of many kinds, becomes an InputError.
 
-    Args:
-        file: that is read.
-        hint: what may be wrong with it, for instance ``truncated, or not a TIFF file``.
+    `hint` is what may be wrong with it, for instance ``truncated, or not a TIFF file``.
     """
     try:
         yield

@@ -22,14 +22,8 @@ EXTRAS = {module: extra for extra, modules in _MODULES.items() for module in mod
 
 @contextmanager
 def extra(file: str | Path | None = None, field: str | None = None) -> Iterator[None]:
-    """Around imports: a missing package of an extra becomes an InputError; any other stays ModuleNotFoundError.
-
-    Args:
-        file, field: what needs the package, for the message.
-
-    Examples:
-        >>> with extra():
-        ...     import matplotlib
+    """Around imports: a missing package of an extra becomes an InputError, which names the file or field that needs it; any other
+    stays ModuleNotFoundError.
     """
     try:
         yield
@@ -52,6 +46,5 @@ def check_installed(*modules: str, file: str | Path | None = None) -> None:
 
 
 def _missing(name: str, file: str | Path | None, field: str | None) -> InputError:
-    return InputError(
-        f"{name} is not installed", file=file, field=field, expected=f"pip install 'visaug[{EXTRAS[name]}]'"
-    )
+    expected = f"pip install 'visaug[{EXTRAS[name]}]'"
+    return InputError(f"{name} is not installed", file=file, field=field, expected=expected)

@@ -71,11 +71,8 @@ def mean_error(parts: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 def row_blocks(rows: int) -> np.ndarray:
     """(blocks, rows) weights: each leaves one block of rows out, 1 where kept and 0 where left out."""
-    blocks = min(20, rows)
-    keep = np.ones((blocks, rows))
-    for b, members in enumerate(np.array_split(np.arange(rows), blocks)):
-        keep[b, members] = 0
-    return keep
+    blocks = np.array_split(np.arange(rows), min(20, rows))
+    return np.array([~np.isin(np.arange(rows), members) for members in blocks], float)
 
 
 def jackknife(
@@ -83,17 +80,13 @@ def jackknife(
 ) -> dict[str, tuple[float, float, float]]:
     """Every figure of `compute` with its standard error and degrees of freedom, leaving blocks of rows out.
 
-    Pixels of different rows have independent temporal noise; its distribution need not be known.
-
-    Args:
-        compute: called with weights (rows,) of 0 and 1; returns figures by name.
+    `compute` takes weights (rows,) of 0 and 1 and returns figures by name. Pixels of different rows have independent temporal
+    noise; its distribution need not be known.
     """
-    whole = compute(np.ones(rows))
-    keep = row_blocks(rows)
-    parts = [compute(weights) for weights in keep]
-    blocks = len(keep)
+    parts = [compute(weights) for weights in row_blocks(rows)]
+    blocks = len(parts)
     result: dict[str, tuple[float, float, float]] = {}
-    for name, value in whole.items():
+    for name, value in compute(np.ones(rows)).items():
         values = np.array([part.get(name, math.nan) for part in parts])
         values = values[np.isfinite(values)]
         error = math.nan

@@ -21,43 +21,28 @@ Progress = Callable[[str, int, int], None]
 def progress_bars(single: bool = False, quiet: bool = False) -> Iterator[Progress]:
     """A `progress(description, done, total)` that draws bars on standard error.
 
-    A bar names the step, k of n, and the time left; one whose `done` reaches `total` stays. Without a terminal a line is written
-    at the start of a phase, and every `EVERY_S` seconds where it takes longer.
-
-    Args:
-        single: one bar for everything, which shows what is being done and how much of that is left; else one per description.
-        quiet: draw and write nothing.
+    A bar names the step, k of n, and the time left; one whose `done` reaches `total` stays. `single` draws one bar for everything,
+    not one per description; `quiet` nothing. Without a terminal a line is written at the start of a phase, and every `EVERY_S`
+    seconds where it takes longer.
     """
     if quiet:
         yield lambda *_: None
         return
+    from rich import progress as rich
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TaskID,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
 
     console = Console(stderr=True)
-    bars = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        console=console,
-        disable=not console.is_terminal,
-    )
-    tasks: dict[str, TaskID] = {}
+    done_so_far = rich.TextColumn("{task.description}"), rich.BarColumn(), rich.MofNCompleteColumn()
+    times = rich.TimeElapsedColumn(), rich.TextColumn("left"), rich.TimeRemainingColumn()
+    bars = rich.Progress(*done_so_far, *times, console=console, disable=not console.is_terminal)
+    tasks: dict[str, rich.TaskID] = {}
     named: set[str] = set()
-    current = ""  # the phase; when it began, how much was done then, and how much at last:
-    began, first, last = 0.0, 0, 0
-    told = 0.0
+    current, told = "", 0.0
+    began, first, last = (
+        0.0,
+        0,
+        0,
+    )  # of the phase: when it began, how much was done then, and how much at last
 
     def write_line(phase: str, description: str, done: int, total: int) -> None:
         nonlocal current, began, first, last, told

@@ -51,9 +51,8 @@ _CAMERA = re.compile(r"(?:asi|zwo|qhy|qhyccd|altair|hypercam|atik|touptek|omegon
 def kind_of(text: str) -> str | None:
     """The kind that `text` names (``Bias Frame``, ``DOME FLAT``, ``zero``), None where it names none.
 
-    Examples:
-        >>> kind_of("Flat Dark"), kind_of("masterbias_2"), kind_of("lamp")
-        ('dark', 'bias', None)
+    >>> kind_of("Flat Dark"), kind_of("masterbias_2"), kind_of("lamp")
+    ('dark', 'bias', None)
     """
     found = kind_and_word(text)
     return found[0] if found else None
@@ -111,9 +110,8 @@ def facts_of_name(name: str) -> dict[str, Any]:
     letter or digit stands before it: ``dark_-10C`` is below zero; of ``dark-10C``, where the sign may be a dash,
     no temperature is read.
 
-    Examples:
-        >>> facts_of_name("darks/2s_-10C/003.fits")
-        {'kind': 'dark', 'exposure_s': 2.0, 'temperature_c': -10.0}
+    >>> facts_of_name("darks/2s_-10C/003.fits")
+    {'kind': 'dark', 'exposure_s': 2.0, 'temperature_c': -10.0}
     """
     return read_name(name).facts
 

@@ -67,9 +67,8 @@ def is_no_temperature(value: float) -> bool:
 def celsius(value: float, comment: str = "") -> tuple[float | None, str]:
     """Degrees Celsius of a header's or table's value, and what was made of it: ``""``, ``kelvin`` or ``none``.
 
-    Examples:
-        >>> celsius(-10.0), celsius(263.15), celsius(-999.0)
-        ((-10.0, ''), (-10.0, 'kelvin'), (None, 'none'))
+    >>> celsius(-10.0), celsius(263.15), celsius(-999.0)
+    ((-10.0, ''), (-10.0, 'kelvin'), (None, 'none'))
     """
     if is_no_temperature(value) or _OTHER_DEGREES.search(comment.lower()):
         return None, "none"

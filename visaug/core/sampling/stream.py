@@ -20,11 +20,7 @@ with contextlib.suppress(ImportError):
 
 
 def as_seed(seed: Any, name: str = "seed") -> int:
-    """A seed as Python's whole number, whatever its type: `derive_key` takes NumPy's 3 for another word than 3.
-
-    Raises:
-        InputError: it is no whole number.
-    """
+    """A seed as Python's whole number, whatever its type: `derive_key` takes NumPy's 3 for another word than 3."""
     try:
         return operator.index(seed)
     except TypeError:
@@ -143,13 +139,7 @@ class Stream:
         """Standard normal, float32."""
         if not self._native():
             return distributions.normal(self._bits(vary))
-
-        def drawn() -> Tensor:
-            keys, r0, c0, out = self._native_arguments(vary)
-            kernels.fill_normal(keys, r0, c0, out)
-            return torch.from_numpy(out)
-
-        return self._kept(drawn, vary)
+        return self._kept(lambda: self._filled(kernels.fill_normal, vary), vary)
 
     def pattern(self, column: Tensor, row: Tensor, pixel: Tensor) -> Tensor:
         """Sum of Gaussian parts of columns, rows and pixels with these standard deviations, (B or 1, 1, 1, 1), float32."""
@@ -180,11 +170,9 @@ class Stream:
         """
         shape = torch.as_tensor(shape, dtype=torch.float64, device=self.device)
         if self._native() and not shape.requires_grad:
-            keys, r0, c0, out = self._native_arguments(vary)
-            shapes = shape.reshape(-1).expand(len(keys))
+            shapes = shape.reshape(-1).expand(len(self._keys))
             scales = 1 / tukey_lambda.standard_deviation_tensor(shapes)
-            kernels.fill_tukey(keys, r0, c0, shapes.numpy(), scales.numpy(), out)
-            return torch.from_numpy(out)
+            return self._filled(kernels.fill_tukey, vary, shapes.numpy(), scales.numpy())
         quantile = distributions.tukey_lambda(self._bits(vary), shape)
         return quantile / tukey_lambda.standard_deviation_tensor(shape).float()
 
@@ -193,24 +181,22 @@ class Stream:
 
         For one image the count grows with the mean at the same random number: two means share their noise.
         """
-        full = (len(self._keys), self.channels, *map(len, self.window))
-        mean = mean.expand(full)
-        return with_poisson_gradient(self._poisson(mean.detach()), mean)
-
-    def _poisson(self, mean: Tensor) -> Tensor:
-        if not self._native():
-            return distributions.poisson(mean, self._bits("pixel"))
-        keys, r0, c0, out = self._native_arguments("pixel")
-        kernels.fill_poisson(keys, r0, c0, mean.float().numpy(), out)
-        return torch.from_numpy(out)
+        mean = mean.expand(len(self._keys), self.channels, *map(len, self.window))
+        if self._native():
+            count = self._filled(kernels.fill_poisson, "pixel", mean.detach().float().numpy())
+        else:
+            count = distributions.poisson(mean.detach(), self._bits("pixel"))
+        return with_poisson_gradient(count, mean)
 
     def _native(self) -> bool:
         return kernels is not None and self.device.type == "cpu" and not torch.compiler.is_compiling()
 
-    def _native_arguments(self, vary: str) -> tuple[np.ndarray, int, int, np.ndarray]:
+    def _filled(self, fill: Callable, vary: str, *more: np.ndarray, dtype: Any = np.float32) -> Tensor:
+        """What a kernel writes for each pixel, or line, of the window."""
         channels, rows, columns = self._extent(vary)
-        out = np.empty((len(self._keys), channels, len(rows), len(columns)), np.float32)
-        return self._keys.numpy().view(np.uint64), rows.start, columns.start, out
+        out = np.empty((len(self._keys), channels, len(rows), len(columns)), dtype)
+        fill(self._keys.numpy().view(np.uint64), rows.start, columns.start, *more, out)
+        return torch.from_numpy(out)
 
     def _extent(self, vary: str) -> tuple[int, range, range]:
         rows, columns = self.window
@@ -226,13 +212,9 @@ class Stream:
         return extents[vary]
 
     def _bits(self, vary: str) -> Tensor:
-        channels, rows, columns = self._extent(vary)
         if self._native():
-            keys, _, _, _ = self._native_arguments("frame")
-            out = np.empty((len(keys), channels, len(rows), len(columns)), np.int64)
-            kernels.fill_bits(keys, rows.start, columns.start, out)
-            return torch.from_numpy(out)
-        return sensor_bits(self._keys, channels, rows, columns)
+            return self._filled(kernels.fill_bits, vary, dtype=np.int64)
+        return sensor_bits(self._keys, *self._extent(vary))
 
 
 def with_poisson_gradient(count: Tensor, mean: Tensor) -> Tensor:
