@@ -22,11 +22,7 @@ def names(rows: Sequence[Row]) -> str:
 
 
 def agreed(rows: list[Row], folder: Path) -> tuple[list[Row], list[str]]:
-    """The rows that are frames of their own, with settings and bit depth as all headers tell them, and notes.
-
-    Raises:
-        InputError: all frames were calibrated already.
-    """
+    """The rows that are frames of their own, with settings and bit depth as all headers tell them, and notes."""
     notes: list[str] = []
     rows = _one_plane(rows, notes)
     rows = _raw(rows, folder, notes)

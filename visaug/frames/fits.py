@@ -23,9 +23,6 @@ def fits_frames(path: Path) -> list[tuple[str, dict[str, Any]]]:
     """Every frame of a file as (name behind ``#``, facts of its header); a plain file has one, named ``""``.
 
     The slices of a cube are ``[0]``, ``[1]``; the images of several extensions carry the extension's name.
-
-    Raises:
-        InputError: not readable, without an image, or a header whose cells make no sense.
     """
     found = []
     with _opened(path) as units:
@@ -51,10 +48,7 @@ def fits_frames(path: Path) -> list[tuple[str, dict[str, Any]]]:
 def read_fits(path: Path, key: str | None, index: tuple[int, ...]) -> np.ndarray:
     """Pixels of one image, scaled by BZERO and BSCALE, overscan cut off, in the detector's directions.
 
-    Args:
-        path: the file.
-        key: name or number of the extension; needed where several hold images.
-        index: which slice of a cube.
+    `key` is the name or number of the extension, needed where several hold images; `index` chooses a slice of a cube.
     """
     with _opened(path) as units:
         images = _images(units, path)
@@ -87,10 +81,8 @@ def _opened(path: Path) -> Iterator[Any]:
 
 def _images(units: Any, path: Path) -> list[Any]:
     """The units that hold frames: no masks, uncertainties, tables or thumbnails in colour."""
-    pictures = (
-        u for u in units if u.is_image and u.header.get("NAXIS", 0) >= 2 and all(n > 0 for n in u.shape)
-    )
-    found = [u for u in pictures if u.name.upper() not in _NO_FRAMES]
+    pictures = (u for u in units if u.is_image and u.name.upper() not in _NO_FRAMES)
+    found = [u for u in pictures if u.header.get("NAXIS", 0) >= 2 and all(n > 0 for n in u.shape)]
     if not found:
         raise InputError("holds no image", file=path)
     return found

@@ -85,8 +85,7 @@ class FrameSet:
             InputError: there are no frames at `path`, or their description is not valid.
         """
         if not isinstance(path, str | Path):
-            problem = f"{type(path).__name__} is not a frame set"
-            expected = "a FrameSet, or the path of one"
+            problem, expected = f"{type(path).__name__} is not a frame set", "a FrameSet, or the path of one"
             raise InputError(problem, field="frames", expected=expected)
         path = Path(path)
         kind, root, files = sources.find(path)
@@ -200,9 +199,8 @@ class FrameSet:
         for n, i in enumerate(indices[1:], start=1):
             frame = self._store.numbers(self._positions[i])
             if frame.shape != first.shape:
-                raise other_size(
-                    self.records[i].file, frame, first.shape, f" as {self.records[indices[0]].file}"
-                )
+                whose = f" as {self.records[indices[0]].file}"
+                raise other_size(self.records[i].file, frame, first.shape, whose)
             if frame.dtype != stack.dtype:
                 stack = stack.astype(np.float32)
             stack[n] = frame
@@ -212,9 +210,8 @@ class FrameSet:
         """Noiseless target of scene `i`, (H, W) float32 in photons per pixel, read-only."""
         if self.records[i].clean is None:
             expected = "the file of the scene in photons per pixel, .npy or float TIFF"
-            raise InputError(
-                "has no noiseless target", file=self.records[i].file, field="clean", expected=expected
-            )
+            file = self.records[i].file
+            raise InputError("has no noiseless target", file=file, field="clean", expected=expected)
         return self._store.clean(self._positions[i])
 
     def shape(self, i: int) -> tuple[int, int]:

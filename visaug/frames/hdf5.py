@@ -1,6 +1,7 @@
 """Data sets in HDF5 files, one frame at a time (extra `raw`), and arrays of MATLAB files, which are HDF5 from version 7.3 on."""
 
 from contextlib import suppress
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -68,9 +69,8 @@ def data_sets(file: Any) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
     def visit(name: str, thing: Any) -> None:
         if hasattr(thing, "dtype") and thing.dtype.kind in "uif" and len(thing.shape) >= 2:
             attributes = dict(file.attrs)
-            parts = name.split("/")
-            for n in range(1, len(parts) + 1):
-                attributes.update(file["/".join(parts[:n])].attrs)
+            for part in accumulate(name.split("/"), "{}/{}".format):
+                attributes.update(file[part].attrs)
             found.append((name, _shape(thing), {k: _plain(v) for k, v in attributes.items()}))
 
     file.visititems(visit)
@@ -112,6 +112,5 @@ def mat_arrays(path: Path) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
     with readable(path, "truncated, or not a MATLAB file"):
         found = scipy.io.whosmat(path)
     numeric = [n for n in found if len(n[1]) >= 2 and n[2].startswith(("uint", "int", "single", "double"))]
-    return [
-        (name, tuple(map(int, shape)), {}) for name, shape, _ in numeric if min(shape) > 1 or len(shape) > 2
-    ]
+    no_lines = [n for n in numeric if min(n[1]) > 1 or len(n[1]) > 2]
+    return [(name, tuple(map(int, shape)), {}) for name, shape, _ in no_lines]

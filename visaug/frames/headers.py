@@ -20,11 +20,7 @@ Facts = dict[str, Any]
 
 
 def frames_of(path: Path) -> list[tuple[str, Facts]]:
-    """Every frame of a file as (name behind ``#``, facts); ``""`` where the file is one frame.
-
-    Raises:
-        InputError: not readable.
-    """
+    """Every frame of a file as (name behind ``#``, facts); ``""`` where the file is one frame."""
     suffix = pixels.suffix_of(path)
     if suffix == ".pgm":
         return [("", {"bit_depth": pixels.bits_of_file(path)})]
@@ -62,9 +58,8 @@ def _tiff(path: Path) -> list[tuple[str, Facts]]:
         return [("", facts)]
     found = []
     for index in np.ndindex(*(n for _, n in outer)):
-        channels = [
-            f"CHANNEL={i}" for i, (axis, n) in zip(index, outer, strict=True) if axis == "C" and n > 1
-        ]
+        places = zip(index, outer, strict=True)
+        channels = [f"CHANNEL={i}" for i, (axis, n) in places if axis == "C" and n > 1]
         setting = " ".join(filter(None, (facts.get("setting"), *channels)))
         found.append((f"[{','.join(map(str, index))}]", facts | ({"setting": setting} if setting else {})))
     return found
@@ -89,8 +84,10 @@ def _tags(page: Any) -> dict[str, Any]:
 def _photo(path: Path) -> list[tuple[str, Facts]]:
     """A raw photograph: exposure and ISO from EXIF (most raw formats are TIFF files), mosaic and bits from the raw data."""
     facts: Facts = {}
-    # a format of its own (CR3): its EXIF cannot be read, the rest can
-    with suppress(Exception), opened_tiff(path) as file:
+    with (
+        suppress(Exception),
+        opened_tiff(path) as file,
+    ):  # EXIF of CR3, a format of its own, cannot be read; the rest can
         facts = _exif(_tags(file.pages[0]))
     return [("", {**facts, **describe_photo(path)})]
 
@@ -129,10 +126,8 @@ def _exif(tags: dict[str, Any]) -> Facts:
 
 def _ratio(value: Any) -> float | None:
     try:
-        if isinstance(value, tuple):
-            return round(value[0] / value[1], 12)
-        return None if value is None else float(value)
-    except (TypeError, ValueError, ZeroDivisionError, IndexError):
+        return round(value[0] / value[1], 12) if isinstance(value, tuple) else float(value)
+    except (TypeError, ValueError, ZeroDivisionError, IndexError):  # None among others
         return None
 
 

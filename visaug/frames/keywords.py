@@ -24,8 +24,15 @@ _TEMPERATURE = ("CCD-TEMP", "CCD_TEMP", "CCDTEMP", "DET-TEMP", "DETTEMP", "SET-T
 SETTING_KEYWORDS = ("OFFSET", "BLKLEVEL", "PEDESTAL", "READOUTM", "READMODE", "ISOSPEED", "ISO", "EMGAIN", "PREAMP",
                     "GAINMODE")  # fmt: skip
 _FILTER = ("FILTER", "FILTER1", "INSFILTE")
-# SNAPSHOT: MaxIm DL
-_COMBINED = ("NCOMBINE", "STACKCNT", "NIMAGES", "SNAPSHOT", "COADDS", "NCOADDS", "NCOADD")
+_COMBINED = (
+    "NCOMBINE",
+    "STACKCNT",
+    "NIMAGES",
+    "SNAPSHOT",
+    "COADDS",
+    "NCOADDS",
+    "NCOADD",
+)  # SNAPSHOT: MaxIm DL
 _BITS = ("BITDEPTH", "ADCBITS")
 _CEILING = ("DATAMAX", "SATURATE", "SATLEVEL")
 _BODY = ("INSTRUME", "SERIAL", "SERIALNO", "SERIALNB", "CAMSERNO", "CAM_SN", "CAMERASN", "CAMERAID", "CAMID",
@@ -47,9 +54,6 @@ def header_facts(header: Mapping[str, Any], comments: Mapping[str, str], path: P
 
     Beside them ``words`` (the keyword that gave each field), ``said`` (what was assumed, by its word), ``body`` (which
     camera), ``calibrated`` (the keyword that says so), ``ceiling`` (the largest value, DN).
-
-    Raises:
-        InputError: an exposure or another number that is none.
     """
     return _Header(header, comments, path).facts()
 
@@ -67,15 +71,15 @@ class _Header:
     def facts(self) -> dict[str, Any]:
         text = self.text
         facts: dict[str, Any] = {"words": self.words, "said": self.said}
-        kinds = [name for name in _KIND if text(name)]
-        chosen = next((name for name in kinds if kind_of(text(name))), kinds[0] if kinds else "")
-        kind_text = text(chosen) if chosen else ""
-        facts.update(kind=kind_of(kind_text), kind_text=kind_text)
-        if facts["kind"]:
-            self.words["kind"] = f"{chosen} {kind_text}"
-        told = {f"{name} = {text(name)}": kind for name in kinds if (kind := kind_of(text(name)))}
+        said = {name: text(name) for name in _KIND if text(name)}
+        told = {name: kind for name in said if (kind := kind_of(said[name]))}
+        chosen = next(iter(told or said), "")
+        facts.update(kind=told.get(chosen), kind_text=said.get(chosen, ""))
+        if told:
+            self.words["kind"] = f"{chosen} {said[chosen]}"
         if len(set(told.values())) > 1:
-            self.said["kind_contradicted"] = f"{', '.join(told)}: the first counts"
+            listed = ", ".join(f"{name} = {said[name]}" for name in told)
+            self.said["kind_contradicted"] = f"{listed}: the first counts"
         facts["exposure_s"] = self.exposure()
         facts["temperature_c"] = self.temperature()
         facts["gain_db"] = self.number("gain_db", "GAIN_DB", "GAINDB")
@@ -84,7 +88,7 @@ class _Header:
         if facts["kind"] in ("flat", "scene"):
             facts["filter"] = next(filter(None, map(text, _FILTER)), None)
         count = self.number("combined", *_COMBINED)
-        facts["combined"] = int(count) if count and count > 1 else 0 if is_master(kind_text) else 1
+        facts["combined"] = int(count) if count and count > 1 else 0 if is_master(facts["kind_text"]) else 1
         bits = self.number("bit_depth", *_BITS)
         facts["bit_depth"] = int(bits) if bits else None
         ceilings = (number_or_none(self.header.get(name)) for name in _CEILING)

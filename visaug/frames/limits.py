@@ -101,10 +101,7 @@ def lower_limit(pixels: int, expected: str) -> Iterator[None]:
 def pillow_image(
     path: Path, formats: tuple[str, ...] = PILLOW_FORMATS, content: IO[bytes] | None = None
 ) -> "Iterator[Image]":
-    """An opened picture of one of the formats, its size checked and its pixels not yet read.
-
-    `content` takes the place of the file's.
-    """
+    """An opened picture of one of the formats, its size checked and its pixels not yet read; `content` replaces the file's."""
     from PIL import Image
 
     with _pillow:
@@ -120,11 +117,7 @@ def pillow_image(
 
 @contextmanager
 def opened_tiff(path: Path) -> Iterator[Any]:
-    """The `tifffile.TiffFile` of a file.
-
-    Raises:
-        InputError: tifffile is missing, or the file's pages follow one another in a circle.
-    """
+    """The `tifffile.TiffFile` of a file; one whose pages follow one another in a circle is refused."""
     with extra(path):
         import tifffile
 

@@ -60,12 +60,7 @@ def kind_of(text: str) -> str | None:
 
 @lru_cache(1000)
 def kind_and_word(text: str, offset_is_kind: bool = True) -> tuple[str, str] | None:
-    """The kind that `text` names and the word that names it.
-
-    Args:
-        text: of a header, a cell or a name.
-        offset_is_kind: whether the word ``offset`` stands for a bias frame.
-    """
+    """The kind that `text` names and the word that names it; `offset_is_kind`: the word ``offset`` stands for a bias frame."""
     words = words_of(text)
     for kind, pattern in _KIND_WORDS:
         for word in words:
@@ -87,12 +82,8 @@ def words_of(text: str) -> list[str]:
 
 @dataclass
 class Named:
-    """What a name tells.
-
-    Attributes:
-        facts: conditions by the fields of `FrameRecord`; unknown ones are absent.
-        words: the part of the name that gave a condition, by field.
-        unclear: parts that can be read in two ways.
+    """What a name tells: conditions by the fields of `FrameRecord`, unknown ones absent; the parts of the name that gave them; and
+    parts that can be read in two ways.
     """
 
     facts: dict[str, Any] = field(default_factory=dict)
@@ -159,8 +150,7 @@ def _read_part(found: Named, part: str, is_file: bool) -> None:
         found.facts["combined"] = 0
     part = _TIME.sub(_blank, _DATE.sub(_blank, part))
     if match := _MINUTES.search(part):
-        seconds = 60.0 * int(match[1]) + float(match[2].replace(",", "."))
-        found.take("exposure_s", seconds, match[0])
+        found.take("exposure_s", 60.0 * int(match[1]) + float(match[2].replace(",", ".")), match[0])
     else:
         _first(found, "exposure_s", _EXPOSURE, part, _exposure)
     _first(found, "temperature_c", _TEMPERATURE, part, _celsius)
@@ -175,9 +165,8 @@ def _read_part(found: Named, part: str, is_file: bool) -> None:
         found.take("setting", " ".join(f"{k}={v}" for k, v in settings.items()), part)
 
 
-_Reader = Callable[
-    [re.Match], tuple[float | None, str]
-]  # the value of a match, and the part of the name that gives it
+# the value of a match, and the part of the name that gives it
+_Reader = Callable[[re.Match], tuple[float | None, str]]
 
 
 def _first(found: Named, name: str, pattern: re.Pattern, part: str, read: _Reader) -> None:
@@ -226,8 +215,7 @@ def _number(match: re.Match, before: str) -> tuple[float | None, str, str]:
 
 
 def _exposure(match: re.Match) -> tuple[float | None, str]:
-    before = match.string[: match.start()]
-    value, text, before = _number(match, before)
+    value, text, before = _number(match, match.string[: match.start()])
     if re.search("[a-zµμ]$", before) and not _BEFORE_SECONDS.search(before):
         return None, ""
     return None if value is None else value * SECONDS[match["unit"]], text

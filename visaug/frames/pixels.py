@@ -56,10 +56,8 @@ def bits_of_file(path: Path) -> int | None:
 
 
 class PixelReader:
-    """Reads frames named relative to a folder, as they are stored: (H, W), integer or float, native byte order.
-
-    Attributes:
-        layout: how .raw files are laid out, see `visaug.frames.raw`.
+    """Reads frames named relative to a folder, as they are stored: (H, W), integer or float, native byte order; `layout` of .raw
+    files is one of `visaug.frames.raw`.
     """
 
     def __init__(self, root: Path, layout: str = "little") -> None:
@@ -70,11 +68,7 @@ class PixelReader:
         return self.root / split_name(name)[0]
 
     def read(self, name: str, raw_shape: tuple[int, int] | None = None) -> np.ndarray:
-        """Pixels of one frame.
-
-        Raises:
-            InputError: missing, truncated or unreadable file, or not one frame.
-        """
+        """Pixels of one frame."""
         file, key, index = split_name(name)
         path = self.root / file
         suffix = suffix_of(path)

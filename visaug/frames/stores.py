@@ -5,7 +5,6 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from numbers import Integral
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -19,22 +18,6 @@ from visaug.frames.record import FrameRecord
 
 _FINDING = threading.Lock()
 _PROBED = 8  # frames looked at to find where the bits lie
-
-
-class Store(Protocol):
-    """Pixels by position."""
-
-    warnings: list[str]
-    told_bits: int | None
-
-    @property
-    def bit_depth(self) -> int | None: ...
-    def read(self, i: int) -> np.ndarray: ...
-    def numbers(self, i: int) -> np.ndarray: ...
-    def clean(self, i: int) -> np.ndarray: ...
-    def shape(self, i: int) -> tuple[int, int]: ...
-    def with_bits(self, bit_depth: int) -> "Store": ...
-    def path(self, i: int) -> Path | None: ...
 
 
 def _check_bits(bit_depth: int | None) -> None:
@@ -118,10 +101,9 @@ class FileStore:
                 raise InputError(f"{value!r} is unknown", field=field, expected=" or ".join(choices))
         _check_bits(bit_depth)
         self._records, self._root, self._resolution = list(records), root, resolution
-        self._bit_depth, self._bits_at, self.warnings = bit_depth, bits_at, warnings
-        self.told_bits = bit_depth
+        self._bits_at, self._byte_order, self.warnings = bits_at, byte_order, warnings
+        self._bit_depth = self.told_bits = bit_depth
         self._reader = PixelReader(root, byte_order or "little")
-        self._byte_order = byte_order
         self._shift, self._knows_layout = 0, False
         self._shapes: dict[int, tuple[int, int]] = {}
         self._size: tuple[tuple[int, int], str] | None = None
@@ -214,19 +196,14 @@ class FileStore:
     def _look_for_layout(self) -> None:
         raws = [i for i, r in enumerate(self._records) if r.file.lower().endswith(".raw")]
         if raws and self._byte_order is None:
-            probes = [
-                self._records[raws[n]] for n in np.unique(np.linspace(0, len(raws) - 1, _PROBED).astype(int))
-            ]
+            spread = np.unique(np.linspace(0, len(raws) - 1, _PROBED).astype(int))
+            probes = [self._records[raws[n]] for n in spread]
             votes = [guess_layout(self._root / r.file, self._shape_of_raw(r)) for r in probes]
             self._byte_order = self._reader.layout = max(dict.fromkeys(votes), key=votes.count)
-            order, alike = (
-                f".raw files are read as {self._byte_order}",
-                "neighbouring pixels are more similar",
-            )
+            word, why = "packing", ", by their size and because neighbouring pixels are more similar so"
             if self._byte_order in BYTE_ORDERS:
-                self.warnings.append(f"byte_order_assumed: {order} endian, in which {alike}")
-            else:
-                self.warnings.append(f"packing_assumed: {order}, by their size and because {alike} so")
+                word, why = "byte_order", " endian, in which neighbouring pixels are more similar"
+            self.warnings.append(f"{word}_assumed: .raw files are read as {self._byte_order}{why}")
         packed_bits = LAYOUTS[self._reader.layout].bits if raws else 16
         if packed_bits < 16 and self._bit_depth is None:
             self._bit_depth = packed_bits
@@ -263,6 +240,9 @@ class FileStore:
                 f"bits_at_top_assumed: the lowest {self._shift} of 16 bits are 0 in all frames looked "
                 f"at; read as {self._bit_depth}-bit values at the top"
             )
+
+
+Store = MemoryStore | FileStore
 
 
 def _bits_of(dtype: np.dtype) -> int | None:

@@ -36,15 +36,8 @@ def unit_of(comment: str) -> float | None:
 
 
 def seconds(value: object, comment: str = "", unit: str = "") -> float:
-    """Seconds of a header's value, a number or a text as ``500 ms`` or ``1/100``.
-
-    Args:
-        value: of the keyword.
-        comment: behind it, whose unit counts.
-        unit: of the keyword TIMEUNIT.
-
-    Raises:
-        ValueError: no number.
+    """Seconds of a header's value, a number or a text as ``500 ms`` or ``1/100``, by the unit in its comment or of the keyword
+    TIMEUNIT; ValueError where it is no number.
     """
     scale = unit_of(comment) or SECONDS.get(unit.strip().lower(), 1.0)
     if isinstance(value, str):

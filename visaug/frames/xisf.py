@@ -31,9 +31,8 @@ def read_xisf(path: Path) -> np.ndarray:
     """(H, W) pixels of the image, or of its green channel."""
     image, header, _ = _head(path)
     channels, rows, columns = _geometry(image, path)
-    dtype = np.dtype(
-        (">" if image.get("byteOrder") == "big" else "<") + _TYPES[image.get("sampleFormat", "")]
-    )
+    order = ">" if image.get("byteOrder") == "big" else "<"
+    dtype = np.dtype(order + _TYPES[image.get("sampleFormat", "")])
     place = (image.get("location") or "").split(":")
     if place[0] != "attachment" or len(place) != 3 or not all(n.isdigit() for n in place[1:]):
         raise _other(path, "its pixels lie outside of an attachment")
