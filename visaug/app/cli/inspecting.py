@@ -47,18 +47,13 @@ def inspect(
         result = visaug.inspect(frames)
         progress("inspecting", 1, 1)
     if not silent:
-        click.echo(result.answer)
-        for line in measured_texts(result):
-            click.echo(line)
+        click.echo("\n".join([result.answer, *measured_texts(result)]))
         if result.findings:
             cli.print_table(FINDING_HEAD, map(finding_row, result.findings))
             for finding in result.findings:
                 click.echo(f"- {finding.text}")
-        for title, lines in (
-            ("cannot tell", result.ambiguous),
-            ("would tell more (see visaug plan)", result.more),
-            ("note", result.notes),
-        ):
+        titles = "cannot tell", "would tell more (see visaug plan)", "note"
+        for title, lines in zip(titles, (result.ambiguous, result.more, result.notes), strict=True):
             for line in lines:
                 click.echo(f"{title}: {line}")
     cli.write_result(json_path, result.to_json())

@@ -176,23 +176,17 @@ def evaluate(
         raise InputError("go with --severity", field="--curve and --output", expected="--severity CAMERA")
     cli.may_write(poses_csv, force)
     elsewhere = None if data is None or domain is None else (data, domain, split)
-    if severity_camera is not None:
-        if config_path is None or poses_csv or json_path:
-            expected = (
-                "CONFIG, without --poses and --json; for another network visaug_train.severity.severity"
-            )
-            raise InputError("needs the network itself", field="--severity", expected=expected)
-        with extra(), progress_bars() as progress:
-            from visaug_train import commands
-
-            folder, how = output or Path("severity"), ([*curves], seed, progress, arm, elsewhere)
-            said = commands.severity_curves(config_path, severity_camera, folder, *how)
-        click.echo(said)
-        return
+    if severity_camera is not None and (config_path is None or poses_csv or json_path):
+        expected = "CONFIG, without --poses and --json; for another network visaug_train.severity.severity"
+        raise InputError("needs the network itself", field="--severity", expected=expected)
     scores: dict[str, Any]
     with extra(), progress_bars() as progress:
         from visaug_train import commands
 
+        if config_path is not None and severity_camera is not None:
+            folder, how = output or Path("severity"), ([*curves], seed, progress, arm, elsewhere)
+            click.echo(commands.severity_curves(config_path, severity_camera, folder, *how))
+            return
         if config_path is not None:
             scores = commands.evaluate(config_path, seed, progress, arm, elsewhere, poses_csv)
         else:

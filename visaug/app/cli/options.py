@@ -189,10 +189,7 @@ def may_write(path: Path | None, force: bool) -> None:
 def may_replace(
     path: Path | None, force: bool, expected: str = "another name, or --force to replace it"
 ) -> None:
-    """Refuse, before any work, a place where no file can be, and to replace a file that is no result of visaug.
-
-    Its own results are made anew.
-    """
+    """Refuse, before any work, a place where no file can be, and to replace a file that is no result of visaug."""
     if path is None or path == STANDARD_OUTPUT:
         return
     check_place(path)

@@ -1,5 +1,6 @@
 """Commands on ordinary pictures: augment, preview; and example data."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,18 +21,11 @@ class Range(click.ParamType):
 
     name = "A[:B]"
 
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float | tuple[float, float]:
-        try:
-            ends = [float(end) for end in str(value).split(":")]
-        except ValueError:
-            ends = []
-        match ends:
-            case [one]:
-                return one
-            case [low, high]:
-                return low, high
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        with suppress(ValueError):
+            ends = tuple(float(end) for end in str(value).split(":"))
+            if len(ends) <= 2:
+                return ends if len(ends) == 2 else ends[0]
         self.fail(f"{value!r} is not a number or a pair of numbers such as 0:24", param, ctx)
 
 
@@ -43,9 +37,7 @@ light_options = cli.all_of(
         "Encoding of the pixel values. auto: from colour profile, tags, bit depth and number of channels.",
     ),
     click.option(
-        "--gain-db",
-        type=Range(),
-        help="Gain in dB on the camera's scale. With A:B, drawn for each picture.",
+        "--gain-db", type=Range(), help="Gain in dB on the camera's scale. With A:B, drawn for each picture."
     ),
     click.option(
         "--exposure",
@@ -175,12 +167,9 @@ def _say(done: "Augmented", output: Path) -> None:
         parts = [f"{WORDS[kind]} for {count} ({why})" for (kind, why), count in sorted(done.assumed.items())]
         click.echo(f"transfer function: {', '.join(parts)}")
     skipped = ", ".join(f"{count} {suffix}" for suffix, count in sorted(done.skipped.items()))
-    clipped = "1 is white; divide a high-dynamic-range render by the value that shall be white first"
+    clipped = "which are clipped: 1 is white; divide a high-dynamic-range render by the value that shall be white first"
     for there, said in (
-        (
-            done.clipped,
-            f"{counted(done.clipped, 'picture')} with values outside [0, 1], which are clipped: {clipped}",
-        ),
+        (done.clipped, f"{counted(done.clipped, 'picture')} with values outside [0, 1], {clipped}"),
         (done.skipped, f"skipped {counted(sum(done.skipped.values()), 'file')}: {skipped}"),
         (done.outputs, f"skipped copies of visaug augment in {', '.join(map(str, done.outputs))}"),
         (done.again, f"noise was added to copies of visaug augment: {', '.join(map(str, done.again))}"),

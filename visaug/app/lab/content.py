@@ -19,11 +19,7 @@ from visaug.statistics.places import Place
 
 
 def content(bench: Bench, wanted: Mapping[str, float]) -> dict[str, Any]:
-    """Everything that changes on the page.
-
-    Args:
-        wanted: numbers set by hand that no estimate has taken up yet.
-    """
+    """Everything that changes on the page; `wanted`: numbers set by hand that no estimate has taken up yet."""
     views = _views(bench)
     candidates = _candidates(bench)
     effects, rows = _effects(bench), _numbers(bench, wanted)
@@ -127,9 +123,7 @@ def _changes(bench: Bench) -> str:
 def _error(bench: Bench) -> dict[str, Any]:
     """The error of the current camera: a number, its interval, and what it means."""
 
-    def shown(
-        text: str, note: str, value: float | None = None, interval: str | None = None
-    ) -> dict[str, Any]:
+    def shown(text: str, note: str, value: float | None = None, interval: str = "") -> dict[str, Any]:
         return {"text": text, "interval": interval, "value": value, "note": note}
 
     if bench.comparison is None:

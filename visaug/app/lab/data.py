@@ -79,13 +79,7 @@ def _reduced(image: np.ndarray, step: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class OwnPicture:
-    """A picture that was uploaded.
-
-    Attributes:
-        name: of its file.
-        picture: its pixels.
-        key: another for every content.
-    """
+    """A picture that was uploaded, with the name of its file, and a key that is another for every content."""
 
     name: str
     picture: Picture
@@ -93,11 +87,7 @@ class OwnPicture:
 
     @classmethod
     def read(cls, name: str, content: bytes) -> "OwnPicture":
-        """Reads a picture of any format that `visaug augment` takes; the suffix of the name tells which.
-
-        Raises:
-            InputError: another format, a damaged picture, or one of too many pixels.
-        """
+        """Reads a picture of any format that `visaug augment` takes; the suffix of the name tells which."""
         name = Path(name).name
         with TemporaryDirectory(prefix="visaug-lab-") as folder:
             path = Path(folder) / f"picture{Path(name).suffix.lower()}"
@@ -111,10 +101,8 @@ class OwnPicture:
     def through(self, camera: Camera, seed: int, exposure: float = 1.0) -> dict[str, Any]:
         """The middle of the picture before and after a camera, pixel by pixel, in the picture's own values.
 
-        The camera takes the whole picture; the same seed gives the same noise.
-
-        Args:
-            exposure: fraction of the saturation exposure, from 1e-6 to 1; the result is as bright as the picture.
+        The camera takes the whole picture, with a fraction of the saturation exposure from 1e-6 to 1; the result is as bright as
+        the picture. The same seed gives the same noise.
         """
         noise = SensorNoise(camera, exposure=exposure)
         with naming(self.name):
@@ -124,8 +112,7 @@ class OwnPicture:
             p.pixels[window][..., 0 if p.colours == 1 else slice(p.colours)] for p in (self.picture, taken)
         )
         height, width = self.picture.pixels.shape[:2]
-        whole = before.shape[:2] == (height, width)
-        part = "" if whole else f", the middle of {height} x {width} pixels"
+        part = "" if before.shape[:2] == (height, width) else f", the middle of {height} x {width} pixels"
         kind = "sRGB" if self.picture.transfer == "srgb" else "linear in light"
         dtype = self.picture.pixels.dtype
         white = 1.0 if dtype.kind == "f" else float(np.iinfo(dtype).max)
