@@ -72,17 +72,11 @@ def _by_level(frames: FrameSet, unknown: list[int], shift: int) -> dict[int, str
 
 @dataclass(frozen=True)
 class _Blocks:
-    """Means of blocks of a frame, in which no single pixel counts much.
+    """Means of blocks of a frame, in which no single pixel counts much."""
 
-    Attributes:
-        means: (rows, columns) of blocks, DN.
-        error: standard deviation of a mean by the noise of its pixels, DN.
-        level: median of the frame, DN.
-    """
-
-    means: np.ndarray
-    error: float
-    level: float
+    means: np.ndarray  # (rows, columns) of blocks, DN
+    error: float  # standard deviation of a mean by the noise of its pixels, DN
+    level: float  # median of the frame, DN
 
     @classmethod
     def of(cls, frame: np.ndarray) -> "_Blocks":

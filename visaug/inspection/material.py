@@ -23,9 +23,6 @@ def load_pixels(path: str | Path, bit_depth: int | None = None) -> FrameSet:
 
     A file or folder of stacks (`.npy`, TIFF, FITS, `.npz`, HDF5) gives all frames of the stacks; frames of unknown kind
     are of kind `image`, and unknown exposures are 0.
-
-    Raises:
-        InputError: there are no frames, or they cannot be read.
     """
     path = Path(path)
     try:
@@ -55,25 +52,15 @@ FAR = 8.0  # robust standard deviations beyond which a pixel does not take part 
 
 @dataclass(frozen=True)
 class FrameGroup:
-    """Frames of equal conditions, read as they are.
+    """Frames of equal conditions, read as they are."""
 
-    Attributes:
-        kind: `bias`, `dark`, `flat`, `scene` or `image`.
-        group: their conditions and positions in the set.
-        frames: (n, H, W) float32 DN, copies of one exposure left out.
-        copies: number of frames left out as copies.
-        bits: of the converter as the files state it, None where they do not.
-        guessed: whether the kind was told by the level.
-        coloured: whether neighbours share noise, so that its spectrum is not white.
-    """
-
-    kind: str
-    group: Group
-    frames: np.ndarray
-    copies: int = 0
-    bits: int | None = None
-    guessed: bool = False
-    coloured: bool = False
+    kind: str  # `bias`, `dark`, `flat`, `scene` or `image`
+    group: Group  # their conditions and positions in the set
+    frames: np.ndarray  # (n, H, W) float32 DN, copies of one exposure left out
+    copies: int = 0  # number of frames left out as copies
+    bits: int | None = None  # of the converter as the files state it, None where they do not
+    guessed: bool = False  # whether the kind was told by the level
+    coloured: bool = False  # whether neighbours share noise, so that its spectrum is not white
 
     @property
     def count(self) -> int:
@@ -179,10 +166,7 @@ def looks(
 ) -> tuple[list[FrameGroup], list[str]]:
     """The frames by kind, conditions, size and level, the largest group first; and notes on what was left out.
 
-    Args:
-        kinds: of each frame.
-        guessed: whether some were told by the level.
-        shift: by how many bits the values are moved up, which is taken back.
+    `guessed` says whether some of the kinds were told by the level; by `shift` bits the values are moved up, which is taken back.
     """
     notes: list[str] = []
     records = [replace(r, kind=kind) for r, kind in zip(frames.records, kinds, strict=True)]

@@ -14,14 +14,8 @@ from visaug.core.errors import InputError, NoSensorNoise
 from visaug.core.extras import check_installed, extra
 from visaug.core.files import write_json
 from visaug.core.progress import progress_bars
-from visaug.report.next_step import (
-    Inputs,
-    after_characterization,
-    after_comparison,
-    after_diagnosis,
-    after_pictures,
-    picture_inputs,
-)
+from visaug.report import next_step
+from visaug.report.next_step import Inputs
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
@@ -134,7 +128,9 @@ def characterize(
         cli.written(output, maps_path, json_path, report_path, *sheets)
         if no_camera is None and (not frames.is_pictures or "gain_e_per_dn" in result.parameters):
             inputs = replace(Inputs.of(camera, frames, output), transfer=result.transfer or "linear")
-            step = after_characterization(inputs, frames.is_pictures, result.has_gain, camera is not None)
+            step = next_step.after_characterization(
+                inputs, frames.is_pictures, result.has_gain, camera is not None
+            )
             summaries.print_next(step)
     if no_camera is not None:
         raise no_camera
@@ -211,7 +207,7 @@ def compare(
         with progress_bars(quiet=quiet) as progress:
             result = compare_pictures(renders, wanted, camera, transfer, seed, progress)
         content = result.to_json()
-        step = after_pictures(content, picture_inputs(result))
+        step = next_step.after_pictures(content, next_step.picture_inputs(result))
         if not silent:
             summaries.print_comparison(content)
         cli.write_result(json_path, content)
@@ -224,7 +220,7 @@ def compare(
             result = visaug.compare(camera, frames, seed=seed, progress=progress, transfer=transfer)
         inputs = replace(Inputs.of(camera, frames), transfer=transfer)
         content = result.to_json()
-        step = after_comparison(content, inputs)
+        step = next_step.after_comparison(content, inputs)
         if not silent:
             summaries.print_comparison(content)
         if report_path:
@@ -344,7 +340,7 @@ def diagnose(
         write_diagnosis(report_path, result, camera, frames, seed, inputs)
     if not cli.is_silent(quiet, json_path):
         cli.written(output, part.file if part else None, json_path, report_path)
-        summaries.print_next(after_diagnosis(result.to_json(), inputs))
+        summaries.print_next(next_step.after_diagnosis(result.to_json(), inputs))
 
 
 @cli.command("lab", example="visaug lab frames/ --camera camera.yaml")
