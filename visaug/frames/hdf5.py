@@ -47,12 +47,11 @@ def _shape(data_set: Any) -> tuple[int, ...]:
 def is_old_mat(path: Path) -> bool:
     """Whether a file is MATLAB's and not HDF5, whose mark may follow a block of the user's own (MATLAB 7.3: 512 bytes)."""
     content = b""
-    with suppress(OSError):
-        if path.suffix.lower() == ".mat":
-            with open(path, "rb") as handle:
-                content = handle.read(520)
-    is_hdf5 = b"\x89HDF\r\n\x1a\n" in (content[:8], content[512:520])
-    return path.suffix.lower() == ".mat" and not is_hdf5
+    if path.suffix.lower() != ".mat":
+        return False
+    with suppress(OSError), open(path, "rb") as handle:
+        content = handle.read(520)
+    return b"\x89HDF\r\n\x1a\n" not in (content[:8], content[512:520])
 
 
 def open_hdf5(path: Path) -> Any:

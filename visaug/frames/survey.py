@@ -179,16 +179,14 @@ def parse_resolution(text: str | None) -> tuple[int, int] | None:
 
 def frame_files(folder: Path) -> list[Path]:
     """Files that may hold frames, in natural order of their paths (2 before 10)."""
-    named = [f for f in folder.rglob("*") if pixels.suffix_of(f) in pixels.SUFFIXES]
-    paths = {f.relative_to(folder): f for f in named}
+    paths = {f.relative_to(folder): f for f in folder.rglob("*") if pixels.suffix_of(f) in pixels.SUFFIXES}
     visible = [p for p in paths if not any(part.startswith(".") for part in p.parts) and paths[p].is_file()]
     return [paths[p] for p in sorted(visible, key=lambda p: natural(p.as_posix()))]
 
 
 def natural(text: str) -> list[tuple[int, int, str]]:
     """A key that sorts numbers in names by value."""
-    parts = re.split(r"(\d+)", text)
-    return [(1, int(p), "") if p.isdigit() else (0, 0, p) for p in parts]
+    return [(1, int(p), "") if p.isdigit() else (0, 0, p) for p in re.split(r"(\d+)", text)]
 
 
 def _row(file: str, facts: Facts, by_name: Named, given: Mapping[str, Any]) -> Facts:

@@ -40,9 +40,7 @@ def save(
         cleans = _write_cleans(frames, temporary)
         # 8 and 16 bits show in the files; what lies between does not.
         bits = None if frames.bit_depth in (8, 16) else frames.bit_depth
-        records = [
-            replace(r, clean=cleans.get(r.clean) if r.clean else None, bit_depth=bits) for r in frames.records
-        ]
+        records = [replace(r, clean=cleans.get(r.clean or ""), bit_depth=bits) for r in frames.records]
         if keep_names:
             _write_named(frames, temporary)
         else:
@@ -150,11 +148,7 @@ def _write_named(frames: "FrameSet", folder: Path) -> None:
 
 
 def places(records: "Sequence[FrameRecord]") -> list[tuple[str, str | None, tuple[int, ...]]]:
-    """File, key and index of each frame, no two of which are the same place or in each other's way.
-
-    Raises:
-        InputError: a name that cannot be written.
-    """
+    """File, key and index of each frame, no two of which are the same place or in each other's way."""
     found: list[tuple[str, str | None, tuple[int, ...]]] = []
     files: dict[str, bool] = {}  # whether it holds several frames
 

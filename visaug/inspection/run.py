@@ -96,8 +96,7 @@ def _as_set(frames: FrameSet | str | Path | np.ndarray | Sequence[np.ndarray]) -
     if not len(stack) or any(np.ndim(frame) != 2 for frame in stack):
         expected = "a FrameSet, the path of one, or an array (n, H, W)"
         raise InputError("is no set of frames", field="frames", expected=expected)
-    records = [FrameRecord(k, f"frame {k}", "image") for k in range(len(stack))]
-    return FrameSet.from_arrays(records, stack)
+    return FrameSet.from_arrays([FrameRecord(k, f"frame {k}", "image") for k in range(len(stack))], stack)
 
 
 def _chosen(groups: list[FrameGroup]) -> list[FrameGroup]:
@@ -105,8 +104,7 @@ def _chosen(groups: list[FrameGroup]) -> list[FrameGroup]:
     first = {look.kind: look for look in reversed(groups)}
     ordered = [*first.values(), *(look for look in groups if look is not first[look.kind])]
     most_looks = 6  # groups of frames inspected, spread over kinds and levels
-    kept = ordered[:most_looks]
-    return sorted(kept, key=groups.index)
+    return sorted(ordered[:most_looks], key=groups.index)
 
 
 def _findings_of(look: FrameGroup) -> tuple[FrameGroup, list[Finding]]:

@@ -10,7 +10,7 @@ from visaug.core.progress import progress_bars
 from visaug.report.inspected import FINDING_HEAD, finding_row, measured_texts, next_step
 
 
-@cli.command("inspect", example="visaug inspect dark/ --report inspection.html --defects defects.csv")
+@cli.command("inspect", "visaug inspect dark/ --report inspection.html --defects defects.csv")
 @cli.frames_argument
 @cli.bit_depth_option
 @cli.path_option(

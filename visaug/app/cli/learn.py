@@ -23,7 +23,7 @@ keypoints_option = click.option(
 )
 
 
-@cli.command("demo", example="visaug demo -o demo/")
+@cli.command("demo", "visaug demo -o demo/")
 @cli.output_option("DIR", "Folder for data, runs and report.html.", default=Path("demo"), show_default=True)
 @cli.flag("--full", "The longer study: three arms trained from nothing, four test sets.")
 def demo(output: Path, full: bool, seed: int) -> None:
@@ -40,7 +40,7 @@ def demo(output: Path, full: bool, seed: int) -> None:
 
 @cli.command(
     "prepare",
-    example="visaug prepare speedplusv2.zip -o datasets/speedplus\n"
+    "visaug prepare speedplusv2.zip -o datasets/speedplus\n"
     "visaug prepare speed.zip -o datasets/speed --coco --size 640x400\nvisaug prepare datasets/speed",
 )
 @click.argument("archive", metavar="ARCHIVE", type=cli.PATH)
@@ -66,7 +66,7 @@ def prepare(
     click.echo(said)
 
 
-@cli.command("train", example="visaug train configs/demo.yaml --arm vis")
+@cli.command("train", "visaug train configs/demo.yaml --arm vis")
 @config_argument
 @arm_option
 @cli.effects_option()
@@ -75,7 +75,7 @@ def train(config_path: Path, arm: str | None, seed: int) -> None:
     run("train", config_path, seed, arm=arm)
 
 
-@cli.command("ablate", example="visaug ablate configs/speedplus.yaml")
+@cli.command("ablate", "visaug ablate configs/speedplus.yaml")
 @config_argument
 @cli.effects_option()
 def ablate(config_path: Path, seed: int) -> None:
@@ -95,7 +95,7 @@ def run(what: str, config_path: Path, seed: int, **more: Any) -> None:
 
 @cli.command(
     "evaluate",
-    example="visaug evaluate configs/demo.yaml --arm vis\n"
+    "visaug evaluate configs/demo.yaml --arm vis\n"
     "visaug evaluate --predictions P.json --data speedplus/ --domain lightbox --json scores.json\n"
     "visaug evaluate configs/speed.yaml --data speed/ --domain real_test --poses submission.csv\n"
     "visaug evaluate configs/demo.yaml --arm vis --severity sony_imx174 -o severity/",

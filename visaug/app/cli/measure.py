@@ -27,9 +27,7 @@ CAMERA_MAPS = ("prnu.npy", "dsnu.npy", "read_noise.npy", "dark_current_nonunifor
 MISFIT = 3  # exit status of `compare --fail-on-misfit`; 1 and 2 are failures of the program and of its input
 
 
-@cli.command(
-    "characterize", example="visaug characterize frames/ -o camera.yaml --report characterization.html"
-)
+@cli.command("characterize", "visaug characterize frames/ -o camera.yaml --report characterization.html")
 @cli.frames_argument
 @cli.camera_option(required=False)
 @cli.effects_option()
@@ -156,7 +154,7 @@ transfer_option = cli.choice_option(
 )
 
 
-@cli.command("compare", example="visaug compare frames/ --camera camera.yaml --report comparison.html")
+@cli.command("compare", "visaug compare frames/ --camera camera.yaml --report comparison.html")
 @cli.frames_argument
 @cli.camera_option(required=False)
 @cli.path_option(
@@ -252,7 +250,7 @@ def _warning_of_renders(json_path: Path | None, fail_on_misfit: bool = False) ->
 
 
 @cli.command(
-    "diagnose", example="visaug diagnose frames/ --camera camera.yaml -o better.yaml --report diagnosis.html"
+    "diagnose", "visaug diagnose frames/ --camera camera.yaml -o better.yaml --report diagnosis.html"
 )
 @cli.frames_argument
 @cli.camera_option()
@@ -343,7 +341,7 @@ def diagnose(
         summaries.print_next(next_step.after_diagnosis(result.to_json(), inputs))
 
 
-@cli.command("lab", example="visaug lab frames/ --camera camera.yaml")
+@cli.command("lab", "visaug lab frames/ --camera camera.yaml")
 @cli.frames_argument
 @cli.camera_option()
 @cli.effects_option("File with your own effects; the page can load more.", pass_on=True)

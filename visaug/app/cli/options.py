@@ -78,7 +78,7 @@ def choice_option(name: str, choices: Sequence[str], text: str) -> Decorator:
     return option_with_default(name, click.Choice(choices), choices[0], text)
 
 
-def command(name: str, *, example: str) -> Callable[[Callable], click.Command]:
+def command(name: str, example: str) -> Callable[[Callable], click.Command]:
     """A command with `--seed` and an example under its help."""
     epilog = "\b\nExample:\n  " + example.replace("\n", "\n  ")
     seeds = click.IntRange(0, 2**63 - 1)  # what torch takes

@@ -55,9 +55,7 @@ light_options = cli.all_of(
 )
 
 
-@cli.command(
-    "augment", example="visaug augment photos/ portrait.tif -o noisy/ --camera sony_imx174 --gain-db 0:24"
-)
+@cli.command("augment", "visaug augment photos/ portrait.tif -o noisy/ --camera sony_imx174 --gain-db 0:24")
 @click.argument("inputs", metavar="IN...", nargs=-1, required=True, type=cli.PATH)
 @cli.output_option("OUT", "Folder for the copies.", required=True)
 @cli.camera_option(if_repeated="If repeated, one is drawn for each picture.")
@@ -113,7 +111,7 @@ def augment(inputs: tuple[Path, ...], output: Path, camera_names: tuple[str, ...
 
 
 @cli.command(
-    "preview", example="visaug preview photo.jpg --camera sony_imx174 --camera canon_5d4_iso800 -o sheet.png"
+    "preview", "visaug preview photo.jpg --camera sony_imx174 --camera canon_5d4_iso800 -o sheet.png"
 )
 @click.argument("picture", metavar="IMAGE", type=cli.PATH)
 @cli.camera_option(if_repeated="If repeated, the sheet shows each.")
@@ -135,7 +133,7 @@ def preview(picture: Path, camera_names: tuple[str, ...], output: Path, **option
 
 @cli.command(
     "example",
-    example="visaug example example/\nvisaug preview example/render.png --camera sony_imx174 -o sheet.png",
+    "visaug example example/\nvisaug preview example/render.png --camera sony_imx174 -o sheet.png",
 )
 @click.argument("folder", metavar="DIR", type=cli.PATH)
 def example(folder: Path, seed: int) -> None:

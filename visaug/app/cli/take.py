@@ -14,7 +14,7 @@ from visaug.core.progress import progress_bars
 
 @cli.command(
     "simulate",
-    example="visaug plan -o frames.csv\nvisaug simulate frames.csv --camera sony_imx174 -o frames/",
+    "visaug plan -o frames.csv\nvisaug simulate frames.csv --camera sony_imx174 -o frames/",
 )
 @click.argument("plan_path", metavar="PLAN", type=cli.PATH)
 @cli.camera_option()
@@ -45,7 +45,7 @@ def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed:
 
 @cli.command(
     "plan",
-    example="visaug plan --camera sony_imx174 --temperatures 20 --gains-db 0 -o frames.csv\n"
+    "visaug plan --camera sony_imx174 --temperatures 20 --gains-db 0 -o frames.csv\n"
     "visaug plan --exposure 0.02 --dark-exposures 0.1,1,10 --levels 0.1,0.3,0.6,1.1 -o frames.csv",
 )
 @cli.camera_option(required=False)
@@ -125,9 +125,7 @@ def plan(
     cli.written(output)
 
 
-@cli.command(
-    "frames", example="visaug frames measured/ -o measured/frames.csv --bit-depth 12 --temperature 20"
-)
+@cli.command("frames", "visaug frames measured/ -o measured/frames.csv --bit-depth 12 --temperature 20")
 @click.argument("folder", metavar="FOLDER", type=cli.PATH)
 @cli.bit_depth_option
 @cli.option(
@@ -170,7 +168,7 @@ def frames(
 
 @cli.command(
     "effects",
-    example="visaug effects row_noise\nvisaug effects --search banding\n"
+    "visaug effects row_noise\nvisaug effects --search banding\n"
     "visaug effects new my_effect\nvisaug effects check my_effect.py",
 )
 @click.argument("words", metavar="[NAME | new NAME | check FILE.py]", nargs=-1)

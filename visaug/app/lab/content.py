@@ -23,6 +23,8 @@ def content(bench: Bench, wanted: Mapping[str, float]) -> dict[str, Any]:
     views = _views(bench)
     candidates = _candidates(bench)
     effects, rows = _effects(bench), _numbers(bench, wanted)
+    for effect in effects:
+        effect["fields"] = [row for row in rows if row["path"].startswith(f"{effect['name']}.")]
     own = {effect["name"] for effect in effects}
     selection = bench.session.fits.lab.selection
     listed = {entry["name"] for entry in candidates}
@@ -40,9 +42,7 @@ def content(bench: Bench, wanted: Mapping[str, float]) -> dict[str, Any]:
         "compared": bench.comparison is not None,
         "diagnosed": bench.diagnosis is not None,
         "changed": bench.now.fit is not None,
-        "effects": [
-            e | {"fields": [r for r in rows if r["path"].startswith(f"{e['name']}.")]} for e in effects
-        ],
+        "effects": effects,
         "candidates": candidates,
         "verdicts": [verdict_row(v.to_json()) for v in bench.diagnosis.effects] if bench.diagnosis else [],
         "addable": [name for name in bench.can_add() if name not in listed],
@@ -193,8 +193,7 @@ def _candidates(bench: Bench) -> list[dict[str, Any]]:
             "missing": found is not None and ranked.effect in found.accepted,
         }
     for name in (*bench.loaded, *bench.now.without):
-        blank = {"probability": None, "error": None, "numbers": [], "missing": False}
-        entries.setdefault(name, blank)
+        entries.setdefault(name, {"probability": None, "error": None, "numbers": [], "missing": False})
     return [
         {"name": name, "summary": summary(name), "there": name in there} | entry
         for name, entry in entries.items()
@@ -213,13 +212,8 @@ def _places(bench: Bench) -> tuple[Place, ...]:
 
 
 def _place(place: Place) -> dict[str, Any]:
-    return {
-        "title": view_title(place.view),
-        "share": place.share,
-        "percent": share_text(place.share),
-        "worst": statistic_text(place.worst),
-        "z": f"{place.z:.1f}",
-    }
+    said = {"percent": share_text(place.share), "worst": statistic_text(place.worst), "z": f"{place.z:.1f}"}
+    return {"title": view_title(place.view), "share": place.share, **said}
 
 
 def _views(bench: Bench) -> list[Mapping[str, str]]:

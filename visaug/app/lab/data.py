@@ -2,7 +2,6 @@
 
 import base64
 import hashlib
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -70,11 +69,10 @@ def _aligned(label: str, measured: tuple[Any, Any], modelled: tuple[Any, Any]) -
 def _reduced(image: np.ndarray, step: int) -> np.ndarray:
     if step == 1:
         return image
-    edges: Sequence[np.ndarray] = [np.arange(0, n, step) for n in image.shape[:2]]
-    sums = np.add.reduceat(np.add.reduceat(image, edges[0], 0), edges[1], 1)
-    counts = [np.minimum(step, n - e) for e, n in zip(edges, image.shape[:2], strict=True)]
-    area = np.outer(*counts).astype(np.float32)
-    return sums / (area[..., None] if image.ndim == 3 else area)
+    rows, columns = (np.arange(0, n, step) for n in image.shape[:2])
+    whole = np.stack([image, np.ones_like(image)])  # the mean of a square at an edge is that of fewer pixels
+    sums, counts = np.add.reduceat(np.add.reduceat(whole, rows, 1), columns, 2)
+    return sums / counts
 
 
 @dataclass(frozen=True)
@@ -108,9 +106,8 @@ class OwnPicture:
         with naming(self.name):
             taken = add_noise(self.picture, noise, seed)
         window = middle(self.picture, LARGEST_MAP, LARGEST_MAP)
-        before, after = (
-            p.pixels[window][..., 0 if p.colours == 1 else slice(p.colours)] for p in (self.picture, taken)
-        )
+        both = self.picture, taken
+        before, after = (p.pixels[window][..., 0 if p.colours == 1 else slice(p.colours)] for p in both)
         height, width = self.picture.pixels.shape[:2]
         part = "" if before.shape[:2] == (height, width) else f", the middle of {height} x {width} pixels"
         kind = "sRGB" if self.picture.transfer == "srgb" else "linear in light"

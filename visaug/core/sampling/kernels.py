@@ -41,10 +41,8 @@ OPTIONS: dict[str, Any] = {
 def _folder() -> str:
     text = hashlib.blake2b(Path(__file__).read_bytes(), digest_size=8).hexdigest()
     own = Path(__file__).parent / "__pycache__"
-    base = settings.CACHE_DIR or (
-        own if os.access(own.parent, os.W_OK) else Path.home() / ".cache" / "visaug"
-    )
-    return str(Path(base) / f"kernels-{text}")
+    usable = own if os.access(own.parent, os.W_OK) else Path.home() / ".cache" / "visaug"
+    return str(Path(settings.CACHE_DIR or usable) / f"kernels-{text}")
 
 
 def compiled(function: Callable[..., Any]) -> Any:

@@ -29,8 +29,7 @@ def as_seed(seed: Any, name: str = "seed") -> int:
 
 def derive_key(*words: object) -> int:
     """A 64-bit key from a seed and names; different arguments give independent streams."""
-    digest = hashlib.blake2b(repr(words).encode(), digest_size=8).digest()
-    return int.from_bytes(digest, "little")
+    return int.from_bytes(hashlib.blake2b(repr(words).encode(), digest_size=8).digest(), "little")
 
 
 def _signed_key(words: tuple[object, ...]) -> int:
@@ -126,10 +125,9 @@ class Stream:
 
     def image(self, k: int) -> "Stream":
         """The same numbers for one image of the batch."""
-        keys, camera_keys = (
-            own if len(own) == 1 else own[k : k + 1] for own in (self._keys, self._camera_keys)
-        )
-        return Stream(keys, camera_keys, self.channels, self.window, self.device)
+        both = self._keys, self._camera_keys
+        own = (keys if len(keys) == 1 else keys[k : k + 1] for keys in both)
+        return Stream(*own, self.channels, self.window, self.device)
 
     def uniform(self, vary: str = "pixel") -> Tensor:
         """Uniform in (0, 1), float32."""
