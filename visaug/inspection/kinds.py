@@ -21,8 +21,9 @@ def kinds_of(frames: FrameSet, shift: int) -> tuple[list[str], str]:
     unknown = [i for i, kind in enumerate(kinds) if kind is None]
     sources = []
     if any(told):
-        agree = all(kind in (None, name) for kind, name in zip(told, named, strict=True))
-        agree = agree and not _has_table(frames)
+        path = frames.loaded_from
+        has_table = path is not None and (path.suffix.lower() == ".csv" or (path / "frames.csv").is_file())
+        agree = all(kind in (None, name) for kind, name in zip(told, named, strict=True)) and not has_table
         sources.append("the file names" if agree else "the table or headers")
     elif any(named):
         sources.append("the file names")
@@ -30,11 +31,6 @@ def kinds_of(frames: FrameSet, shift: int) -> tuple[list[str], str]:
         sources.append("level and structure")
     by_level = _by_level(frames, unknown, shift)
     return [str(kind or by_level[i]) for i, kind in enumerate(kinds)], ", else ".join(sources)
-
-
-def _has_table(frames: FrameSet) -> bool:
-    path = frames.loaded_from
-    return path is not None and (path.suffix.lower() == ".csv" or (path / "frames.csv").is_file())
 
 
 def _by_level(frames: FrameSet, unknown: list[int], shift: int) -> dict[int, str]:

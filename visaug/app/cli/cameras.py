@@ -70,6 +70,3 @@ def _list() -> None:
     cli.print_table(head, rows)
     for mistake in broken:
         click.echo(f"warning: {mistake}", err=True)
-
-
-COMMANDS: list[click.Command] = [cameras]

@@ -227,6 +227,3 @@ def print_scores(scores: dict[str, dict[str, Any]]) -> None:
         rows.append([domain, str(s["images"]), *("" if v is None else f"{v:.4f}" for v in values)])
     if rows:
         cli.print_table(["domain", "images", *columns], rows)
-
-
-COMMANDS: list[click.Command] = [demo, prepare, train, ablate, evaluate]

@@ -382,6 +382,3 @@ def lab(
         serve(bench, port, say=click.echo, ready=click.launch if browser else None)
     except KeyboardInterrupt:
         click.echo("the lab is closed")
-
-
-COMMANDS: list[click.Command] = [characterize, compare, diagnose, lab]

@@ -176,6 +176,3 @@ def _say(done: "Augmented", output: Path) -> None:
     ):
         if there:
             click.echo(said)
-
-
-COMMANDS: list[click.Command] = [augment, preview, example]

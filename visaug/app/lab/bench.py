@@ -42,17 +42,9 @@ class Bench:
     """The lab without its page. Methods that take `progress` are long.
 
     Args:
-        camera: the model, as its file has it.
-        frames: measured bias, dark, flat or scene frames.
         own: names of effects of one's own that are loaded already.
         output: where `save` writes the camera, beside what the page hands out.
-        sets: simulated sets of the camera file.
         force: whether `save` may overwrite a file that it did not write.
-
-    Attributes:
-        given, now: the camera file, and the current camera.
-        comparison, diagnosis: of the camera file as given; None until they are done.
-        own_picture: a picture of the user's own; None until one is chosen.
     """
 
     def __init__(
@@ -74,6 +66,7 @@ class Bench:
         self.past = Past()
         self._uploads = TemporaryDirectory(prefix="visaug-lab-")
 
+    # of the camera file as given, None until they are done; and the current camera
     comparison = property(attrgetter("session.comparison"))
     diagnosis = property(attrgetter("session.diagnosis"))
     now = property(attrgetter("session.now"))

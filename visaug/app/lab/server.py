@@ -209,12 +209,8 @@ class _Lab:
 def serve(
     bench: Bench, port: int = 0, *, say: Callable[[str], object], ready: Callable[[str], object] | None = None
 ) -> None:
-    """Serves the page until it is interrupted.
-
-    Args:
-        port: 0 takes a free one.
-        say: called with the address, token included, as soon as it can be opened.
-        ready: called with the address after that, to open it in a browser.
+    """Serves the page until it is interrupted, on a free port for 0. `say` is called with the address, token included, as soon as
+    it can be opened, and `ready` after that, to open it in a browser.
     """
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
