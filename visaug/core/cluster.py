@@ -20,20 +20,22 @@ def connected(address: str | None) -> Iterator[Any]:
         import ray
     ours = not ray.is_initialized()
     if ours:
-        os.environ.setdefault(
-            "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0"
-        )  # or Ray says what a future release will do
-        address = None if address == "local" else address
-        _knock(address)
-        try:
-            ray.init(address=address, logging_level="ERROR", include_dashboard=False if not address else None)
-        except (ConnectionError, ValueError, RuntimeError) as error:
-            raise _no_answer(address, error) from None
+        _connect(ray, None if address == "local" else address)
     try:
         yield ray
     finally:
         if ours:
             ray.shutdown()
+
+
+def _connect(ray: Any, address: str | None) -> None:
+    # or Ray says what a future release will do
+    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+    _knock(address)
+    try:
+        ray.init(address=address, logging_level="ERROR", include_dashboard=False if not address else None)
+    except (ConnectionError, ValueError, RuntimeError) as error:
+        raise _no_answer(address, error) from None
 
 
 def _knock(address: str | None) -> None:

@@ -76,8 +76,9 @@ def plan_groups(
     numbers = count()
 
     def frame(kind: str, exposure: float, at: float | None = degrees[0], **more: Any) -> FrameRecord:
-        n, gain = next(numbers), {"gain_db": gains[0]}
-        return FrameRecord(n, f"{kind}_{n:04d}{suffix}", kind, float(exposure), at, **gain | more)
+        n = next(numbers)
+        more.setdefault("gain_db", gains[0])
+        return FrameRecord(n, f"{kind}_{n:04d}{suffix}", kind, float(exposure), at, **more)
 
     def add(name: str, how: str, tells: str, lost: str, records: list[FrameRecord]) -> None:
         groups.append(PlannedGroup(name, how, tells, lost, tuple(records)))

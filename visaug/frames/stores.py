@@ -5,6 +5,7 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from numbers import Integral
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -18,6 +19,22 @@ from visaug.frames.record import FrameRecord
 
 _FINDING = threading.Lock()
 _PROBED = 8  # frames looked at to find where the bits lie
+
+
+class Store(Protocol):
+    """Pixels by position."""
+
+    warnings: list[str]
+    told_bits: int | None
+
+    @property
+    def bit_depth(self) -> int | None: ...
+    def read(self, i: int) -> np.ndarray: ...
+    def numbers(self, i: int) -> np.ndarray: ...
+    def clean(self, i: int) -> np.ndarray: ...
+    def shape(self, i: int) -> tuple[int, int]: ...
+    def with_bits(self, bit_depth: int) -> "Store": ...
+    def path(self, i: int) -> Path | None: ...
 
 
 def _check_bits(bit_depth: int | None) -> None:
@@ -240,9 +257,6 @@ class FileStore:
                 f"bits_at_top_assumed: the lowest {self._shift} of 16 bits are 0 in all frames looked "
                 f"at; read as {self._bit_depth}-bit values at the top"
             )
-
-
-Store = MemoryStore | FileStore
 
 
 def _bits_of(dtype: np.dtype) -> int | None:

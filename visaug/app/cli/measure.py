@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
+import visaug
+from visaug import report
 from visaug.app.cli import options as cli
 from visaug.app.cli import summaries
 from visaug.core.errors import InputError, NoSensorNoise
@@ -16,6 +18,7 @@ from visaug.core.files import write_json
 from visaug.core.progress import progress_bars
 from visaug.report import next_step
 from visaug.report.next_step import Inputs
+from visaug.report.pages import possible_pictures
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
@@ -76,8 +79,6 @@ def characterize(
     without a calibrated source) are taken from that camera. All others are reported as not determined. A folder of
     ordinary pictures gives an effective camera: the noise of these pictures, each figure with its assumption.
     """
-    import visaug
-
     cli.may_write(output, force)
     if use_maps and not (output and maps_path):
         expected = "-o and --maps beside it"
@@ -117,9 +118,7 @@ def characterize(
         click.echo("no map is written: the frames determine none; two or more bias frames do", err=True)
         maps_path = None
     if report_path:
-        from visaug.report import write_characterization
-
-        write_characterization(report_path, result, frames, output, camera)
+        report.write_characterization(report_path, result, frames, output, camera)
     if sheets:
         _write_sheets(sheets, frames, camera, seed, quiet)
     if not silent:
@@ -138,15 +137,14 @@ def _write_sheets(
     sheets: tuple[Path, ...], frames: "FrameSet", camera: "Camera | None", seed: int, quiet: bool
 ) -> None:
     from visaug.characterization.points import operating_points
-    from visaug.report import sheet_json, write_sheet
 
     with progress_bars(quiet=quiet) as progress:
         points = operating_points(frames, camera, seed, progress)
     for path in sheets:
         if path.suffix.lower() == ".json":
-            write_json(path, sheet_json(points))
+            write_json(path, report.sheet_json(points))
         else:
-            write_sheet(path, points, frames)
+            report.write_sheet(path, points, frames)
 
 
 transfer_option = cli.choice_option(
@@ -185,13 +183,9 @@ def compare(
     The statistics of the frames are compared with those of simulated frames. Deviations are listed by view.
     With --target, pictures are compared with pictures: what the camera of the target does that FRAMES lack.
     """
-    import visaug
-
     if target is None and camera_name is None:
         raise InputError("is missing", field="--camera", expected="a camera, or --target PICTURES")
     if target is None and report_path:
-        from visaug.report.pages import possible_pictures
-
         for file in possible_pictures(report_path):
             cli.may_replace(file, force)
     camera = cli.load_camera(camera_name) if camera_name else None
@@ -222,9 +216,7 @@ def compare(
         if not silent:
             summaries.print_comparison(content)
         if report_path:
-            from visaug.report import write_comparison
-
-            pictures = write_comparison(report_path, result, camera, frames, seed, inputs)
+            pictures = report.write_comparison(report_path, result, camera, frames, seed, inputs)
             content["pictures"] = {name: str(path) for name, path in pictures.items()}
         cli.write_result(json_path, content)
     if not silent:
@@ -299,7 +291,6 @@ def diagnose(
     The camera is refitted with the missing effects. The error is given before and after. FRAMES may be a folder of ordinary
     pictures: effects that show in a black sky and in flat regions are then found, and those that pictures cannot show are named.
     """
-    import visaug
     from visaug.app.cli.effect_pages import find
     from visaug.diagnosis.empirical import file_beside
 
@@ -333,9 +324,7 @@ def diagnose(
     inputs = replace(Inputs.of(camera, frames, output), transfer=transfer, options=tuple(chosen))
     cli.write_result(json_path, result.to_json())
     if report_path:
-        from visaug.report import write_diagnosis
-
-        write_diagnosis(report_path, result, camera, frames, seed, inputs)
+        report.write_diagnosis(report_path, result, camera, frames, seed, inputs)
     if not cli.is_silent(quiet, json_path):
         cli.written(output, part.file if part else None, json_path, report_path)
         summaries.print_next(next_step.after_diagnosis(result.to_json(), inputs))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import visaug
 from visaug.core.errors import InputError
 from visaug.core.extras import check_installed
 from visaug.core.files import check_place, is_result, write_json
@@ -207,17 +208,13 @@ def numbers(text: str, field: str) -> tuple[float, ...]:
 
 
 def load_camera(name: str) -> "Camera":
-    from visaug.camera import Camera
-
-    return Camera.load(name)
+    return visaug.Camera.load(name)
 
 
 def load_frames(
     path: Path, resolution: tuple[int, int] | None, bit_depth: int | None, quiet: bool = False
 ) -> "FrameSet":
     """The frames; a line to standard error where those of a laboratory may have been taken for ordinary pictures."""
-    import visaug
-
     frames = visaug.FrameSet.load(path, resolution, bit_depth)
     untold = frames.is_pictures and path.is_dir() and not (path / "frames.csv").exists()
     if untold and not quiet and (frames.bit_depth or 0) > 8:

@@ -126,8 +126,8 @@ class Stream:
     def image(self, k: int) -> "Stream":
         """The same numbers for one image of the batch."""
         both = self._keys, self._camera_keys
-        own = (keys if len(keys) == 1 else keys[k : k + 1] for keys in both)
-        return Stream(*own, self.channels, self.window, self.device)
+        keys, camera_keys = (own if len(own) == 1 else own[k : k + 1] for own in both)
+        return Stream(keys, camera_keys, self.channels, self.window, self.device)
 
     def uniform(self, vary: str = "pixel") -> Tensor:
         """Uniform in (0, 1), float32."""
