@@ -34,7 +34,6 @@ def fits_frames(path: Path) -> list[tuple[str, dict[str, Any]]]:
             facts["colour"] = _colour(header, unit.shape)
             if key:
                 facts["setting"] = " ".join(filter(None, (facts.get("setting"), f"AMP={key}")))
-                facts["amplifier"] = key
             layout_of(header, unit.shape).tell(facts)
             if len(unit.shape) == 2 or unit.shape[:-2] == (1,):
                 found.append((key, facts))

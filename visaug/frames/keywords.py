@@ -74,7 +74,7 @@ class _Header:
         said = {name: text(name) for name in _KIND if text(name)}
         told = {name: kind for name in said if (kind := kind_of(said[name]))}
         chosen = next(iter(told or said), "")
-        facts.update(kind=told.get(chosen), kind_text=said.get(chosen, ""))
+        facts["kind"] = told.get(chosen)
         if told:
             self.words["kind"] = f"{chosen} {said[chosen]}"
         if len(set(told.values())) > 1:
@@ -88,7 +88,7 @@ class _Header:
         if facts["kind"] in ("flat", "scene"):
             facts["filter"] = next(filter(None, map(text, _FILTER)), None)
         count = self.number("combined", *_COMBINED)
-        facts["combined"] = int(count) if count and count > 1 else 0 if is_master(facts["kind_text"]) else 1
+        facts["combined"] = int(count) if count and count > 1 else 0 if is_master(said.get(chosen, "")) else 1
         bits = self.number("bit_depth", *_BITS)
         facts["bit_depth"] = int(bits) if bits else None
         ceilings = (number_or_none(self.header.get(name)) for name in _CEILING)

@@ -210,7 +210,6 @@ def _row(file: str, facts: Facts, by_name: Named, given: Mapping[str, Any]) -> F
     if row["kind"] in ("bias", "dark"):
         row["filter"] = row["photons"] = None
     row["_header_kind"], row["_name_kind"] = facts.get("kind"), by_name.facts.get("kind")
-    row["_kind_text"] = facts.get("kind_text", "")
     for name in ("colour", "plane", "calibrated", "ceiling", "body"):
         row[f"_{name}"] = facts.get(name)
     row["_said"] = dict(facts.get("said", {}))
