@@ -105,11 +105,10 @@ def _settings(rows: list[Row], notes: list[str]) -> None:
     filled: set[str] = set()
     for word in _SHARED:
         values = {p[word] for p in parts if word in p}
-        lacking = [p for p in parts if word not in p]
-        if len(values) == 1 and lacking:
+        if len(values) == 1 and not all(word in p for p in parts):
             (value,) = values
             filled.add(f"{word}={value}")
-            for part in lacking:
+            for part in parts:
                 part[word] = value
     if filled:
         notes.append(

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import click
 
@@ -19,10 +19,6 @@ from visaug.core.progress import progress_bars
 from visaug.report import next_step
 from visaug.report.next_step import Inputs
 from visaug.report.pages import possible_pictures
-
-if TYPE_CHECKING:
-    from visaug.camera import Camera
-    from visaug.frames import FrameSet
 
 # what `characterize --maps` writes, and what --use-maps writes beside it
 MAPS = ("master_bias.fits", "response.fits", "read_noise.fits", "dark_current.fits", "defects.fits")
@@ -120,31 +116,23 @@ def characterize(
     if report_path:
         report.write_characterization(report_path, result, frames, output, camera)
     if sheets:
-        _write_sheets(sheets, frames, camera, seed, quiet)
+        from visaug.characterization.points import operating_points
+
+        with progress_bars(quiet=quiet) as progress:
+            points = operating_points(frames, camera, seed, progress)
+        for path in sheets:
+            if path.suffix.lower() == ".json":
+                write_json(path, report.sheet_json(points))
+            else:
+                report.write_sheet(path, points, frames)
     if not silent:
         cli.written(output, maps_path, json_path, report_path, *sheets)
         if no_camera is None and (not frames.is_pictures or "gain_e_per_dn" in result.parameters):
             inputs = replace(Inputs.of(camera, frames, output), transfer=result.transfer or "linear")
-            step = next_step.after_characterization(
-                inputs, frames.is_pictures, result.has_gain, camera is not None
-            )
-            summaries.print_next(step)
+            known = frames.is_pictures, result.has_gain, camera is not None
+            summaries.print_next(next_step.after_characterization(inputs, *known))
     if no_camera is not None:
         raise no_camera
-
-
-def _write_sheets(
-    sheets: tuple[Path, ...], frames: "FrameSet", camera: "Camera | None", seed: int, quiet: bool
-) -> None:
-    from visaug.characterization.points import operating_points
-
-    with progress_bars(quiet=quiet) as progress:
-        points = operating_points(frames, camera, seed, progress)
-    for path in sheets:
-        if path.suffix.lower() == ".json":
-            write_json(path, report.sheet_json(points))
-        else:
-            report.write_sheet(path, points, frames)
 
 
 transfer_option = cli.choice_option(

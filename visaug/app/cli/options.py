@@ -5,7 +5,7 @@ import shlex
 from collections.abc import Callable, Iterable, Sequence
 from functools import reduce
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -14,10 +14,6 @@ from visaug.core.errors import InputError
 from visaug.core.extras import check_installed
 from visaug.core.files import check_place, is_result, write_json
 from visaug.core.wording import printable
-
-if TYPE_CHECKING:
-    from visaug.camera import Camera
-    from visaug.frames import FrameSet
 
 Decorator = Callable[[Callable], Callable]
 STANDARD_OUTPUT = Path("-")
@@ -207,13 +203,13 @@ def numbers(text: str, field: str) -> tuple[float, ...]:
         raise InputError(problem, field=field, expected="for instance 0.1,0.5,2") from None
 
 
-def load_camera(name: str) -> "Camera":
+def load_camera(name: str) -> "visaug.Camera":
     return visaug.Camera.load(name)
 
 
 def load_frames(
     path: Path, resolution: tuple[int, int] | None, bit_depth: int | None, quiet: bool = False
-) -> "FrameSet":
+) -> "visaug.FrameSet":
     """The frames; a line to standard error where those of a laboratory may have been taken for ordinary pictures."""
     frames = visaug.FrameSet.load(path, resolution, bit_depth)
     untold = frames.is_pictures and path.is_dir() and not (path / "frames.csv").exists()
