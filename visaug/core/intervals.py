@@ -17,17 +17,12 @@ def t_quantile(df: float) -> float:
 
 
 def variance_combination(terms: Sequence[tuple[float, float, float]]) -> Interval:
-    """Estimate and interval of a sum of c * E[MS], mean squares with chi-square spread.
+    """Estimate (may be negative), low and high (clipped at 0) of a sum of c * E[MS], mean squares with chi-square spread; terms are
+    (coefficient, mean square, degrees of freedom).
 
     The modified large-sample method (Graybill and Wang, J. Am. Stat. Assoc. 75 (1980) 869; for differences
-    Ting et al., J. Stat. Comput. Simul. 35 (1990) 135): exact for one term, nearly so for several.
-
-    Args:
-        terms: (coefficient, mean square, degrees of freedom) of each.
-
-    Returns:
-        estimate (may be negative), low and high (clipped at 0). The upper limit of a negative estimate is that of 0:
-        below 0 the limit itself can fall to 0, an interval of no width, which would claim an exact 0.
+    Ting et al., J. Stat. Comput. Simul. 35 (1990) 135): exact for one term, nearly so for several. The upper limit of a
+    negative estimate is that of 0: below 0 the limit itself can fall to 0, an interval of no width, which would claim an exact 0.
     """
     value = sum(c * ms for c, ms, _ in terms)
     below = above = 0.0

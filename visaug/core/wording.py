@@ -84,11 +84,8 @@ def probability_text(probability: float) -> str:
 
 
 def with_interval(value: float | None, low: float | None, high: float | None, unit: str = "") -> str:
-    """A value with its 95 % interval and unit, rounded to two significant digits of the interval.
-
-    Args:
-        value, low, high: None where not known.
-        unit: "1" and "" are not printed.
+    """A value with its 95 % interval and unit, rounded to two significant digits of the interval. What is not known is None; the
+    units "1" and "" are not printed.
 
     >>> with_interval(1.18734, 1.1032, 1.2971, "e-")
     '1.19 [1.10, 1.30] e-'
@@ -127,10 +124,7 @@ def share_text(share: float) -> str:
 
 
 def statistic_text(name: str) -> str:
-    """The plain name of a statistic: what is measured, in which frames.
-
-    Args:
-        name: as a comparison's `where` has it, "WHAT, FRAMES".
+    """The plain name of a statistic that a comparison's `where` has as "WHAT, FRAMES": what is measured, in which frames.
 
     >>> statistic_text("rows, bias"), statistic_text("dark rows, band 6, dark 2 s 30 C")
     ('rows in bias frames', 'rows, frequency band 6 in dark frames (2 s, 30 °C)')

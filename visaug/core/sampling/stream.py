@@ -161,10 +161,8 @@ class Stream:
         return self._drawn[place]
 
     def tukey_lambda(self, shape: Tensor | float, vary: str = "pixel") -> Tensor:
-        """Tukey-lambda noise of mean 0 and standard deviation 1, float32; differentiable in `shape`.
-
-        Args:
-            shape: the lambda, > -0.5, scalar or (B, 1, 1, 1); 0.14 is nearly Gaussian, below 0 the tails are heavy.
+        """Tukey-lambda noise of mean 0 and standard deviation 1, float32; differentiable in `shape`, the lambda, > -0.5, scalar or
+        (B, 1, 1, 1): 0.14 is nearly Gaussian, below 0 the tails are heavy.
         """
         shape = torch.as_tensor(shape, dtype=torch.float64, device=self.device)
         if self._native() and not shape.requires_grad:
