@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from visaug.core.errors import InputError, readable
-from visaug.frames import fits, pixels, ser, xisf
+from visaug.frames import fits, pixels, portable, ser, xisf
 from visaug.frames.arrays import arrays_in
 from visaug.frames.limits import opened_tiff, pillow_image
 from visaug.frames.names import facts_of_name, kind_of
@@ -22,9 +22,8 @@ Facts = dict[str, Any]
 def frames_of(path: Path) -> list[tuple[str, Facts]]:
     """Every frame of a file as (name behind ``#``, facts); ``""`` where the file is one frame."""
     suffix = pixels.suffix_of(path)
-    if suffix == ".pgm":
-        return [("", {"bit_depth": pixels.bits_of_file(path)})]
     for suffixes, read in (
+        ((".pgm",), lambda path: [("", {"bit_depth": portable.pgm_bits(path)})]),
         (pixels.FITS, fits.fits_frames),
         ((xisf.SUFFIX,), xisf.xisf_frames),
         ((ser.SUFFIX,), ser.ser_frames),

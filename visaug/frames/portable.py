@@ -18,10 +18,11 @@ _HEAD = re.compile(
 _HEAD_BYTES = 10_000  # comments included
 
 
-def pgm_maximum(path: Path) -> int:
-    """The largest value that a PGM file may hold, as its head says."""
+def pgm_bits(path: Path) -> int | None:
+    """Bits that a PGM states by its largest value, where that is 2^n - 1 and not all that its data type holds."""
     with open(path, "rb") as handle:
-        return int(_head(handle.read(_HEAD_BYTES), path)[4])
+        top = int(_head(handle.read(_HEAD_BYTES), path)[4])
+    return None if top in (255, 65535) or top & (top + 1) else top.bit_length()
 
 
 def read_pgm(path: Path) -> np.ndarray:
