@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from visaug.frames.names import facts_of_name
+from visaug.frames.names import kind_of_name
 from visaug.frames.pixels import split_name
 from visaug.frames.record import FrameRecord
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def named_kinds(records: Sequence[FrameRecord]) -> list[str | None]:
     """The kind that each frame's path names, None where it names none."""
-    return [facts_of_name(split_name(record.file)[0]).get("kind") for record in records]
+    return [kind_of_name(split_name(record.file)[0]) for record in records]
 
 
 def as_dark(frames: "FrameSet") -> list[FrameRecord] | None:

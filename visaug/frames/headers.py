@@ -13,7 +13,7 @@ from visaug.core.errors import InputError, readable
 from visaug.frames import fits, pixels, portable, ser, xisf
 from visaug.frames.arrays import arrays_in
 from visaug.frames.limits import opened_tiff, pillow_image
-from visaug.frames.names import facts_of_name, kind_of
+from visaug.frames.names import kind_of, read_name
 from visaug.frames.photo import describe_photo
 
 Facts = dict[str, Any]
@@ -152,7 +152,7 @@ def _arrays(path: Path) -> list[tuple[str, Facts]]:
     arrays = arrays_in(path)
     last = _time_is_last([shape for _, shape, _ in arrays])
     for key, shape, attributes in arrays:
-        facts = facts_of_name(key) if key else {}
+        facts = read_name(key).facts if key else {}
         for name in ("exposure_s", "temperature_c", "gain_db", "photons", "bit_depth"):
             if (value := _ratio(attributes.get(name))) is not None:
                 facts[name] = int(value) if name == "bit_depth" else value

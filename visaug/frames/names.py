@@ -94,21 +94,15 @@ class Named:
         self.facts[name], self.words[name] = value, word
 
 
-def facts_of_name(name: str) -> dict[str, Any]:
-    """Conditions by the fields of `FrameRecord`, from a relative path; unknown ones are absent.
+def read_name(name: str) -> Named:
+    """What a relative path tells. The file's own name wins over its folder's, the nearer folder over the farther.
 
-    The file's own name wins over its folder's, the nearer folder over the farther. A minus sign counts where no
-    letter or digit stands before it: ``dark_-10C`` is below zero; of ``dark-10C``, where the sign may be a dash,
-    no temperature is read.
+    A minus sign counts where no letter or digit stands before it: ``dark_-10C`` is below zero; of ``dark-10C``, where the sign may
+    be a dash, no temperature is read.
 
-    >>> facts_of_name("darks/2s_-10C/003.fits")
+    >>> read_name("darks/2s_-10C/003.fits").facts
     {'kind': 'dark', 'exposure_s': 2.0, 'temperature_c': -10.0}
     """
-    return read_name(name).facts
-
-
-def read_name(name: str) -> Named:
-    """The same with the words that gave the conditions, and those that gave none."""
     parts = _parts(name)
     found = Named()
     if kind := _kind(parts):
@@ -125,7 +119,10 @@ def kind_of_name(name: str) -> str | None:
 
 
 def _parts(name: str) -> list[str]:
-    return [*PurePath(name).parent.parts, _stem(PurePath(name).name)]
+    """Folders and the file without its ending, of known ones alone: in ``dark_0.5s.fits.fz`` one dot is a decimal point."""
+    stem = re.sub(r"(\.(fits?|fts|fz|gz|xisf|ser|tiff?|ome|npy|npz|mat|png|jpe?g|raw|h5|hdf5?|dng|cr[23]|nef|arw|pgm|bmp))+$",
+                  "", PurePath(name).name, flags=re.IGNORECASE)  # fmt: skip
+    return [*PurePath(name).parent.parts, stem]
 
 
 def _kind(parts: list[str]) -> tuple[str, str] | None:
@@ -137,12 +134,6 @@ def _kind(parts: list[str]) -> tuple[str, str] | None:
             if kind is not None and kind[0] != "image":  # a folder "images" may contain frames of any kind
                 return kind
     return None
-
-
-def _stem(file: str) -> str:
-    """``dark_0.5s`` of ``dark_0.5s.fits.fz``: known endings alone are cut, for a dot may be a decimal point."""
-    return re.sub(r"(\.(fits?|fts|fz|gz|xisf|ser|tiff?|ome|npy|npz|mat|png|jpe?g|raw|h5|hdf5?|dng|cr[23]|nef|arw|pgm|bmp))+$",
-                  "", file, flags=re.IGNORECASE)  # fmt: skip
 
 
 def _read_part(found: Named, part: str, is_file: bool) -> None:
