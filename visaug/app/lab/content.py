@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import astuple
 from typing import Any
 
 from visaug.app.lab.bench import Bench, summary
@@ -14,7 +15,6 @@ from visaug.report.headline import diagnosis_headline, verdict_row, view_title
 from visaug.report.next_step import PICTURES, NextStep, after_comparison, after_diagnosis
 from visaug.report.pages import described, unit_text
 from visaug.statistics import VIEWS
-from visaug.statistics.distance import Error
 from visaug.statistics.places import Place
 
 
@@ -64,7 +64,8 @@ def verdict(bench: Bench) -> str:
         return f"{_changes(bench)}: {estimate}."
     if fit:
         said = _judged(_changes(bench), fit.adequate, fit.p_value, fit.where)
-        return f"{said} Its error is {_with_interval(fit.error)}." if fit.error and bench.has_excess else said
+        error = fit.error if bench.has_excess else None
+        return f"{said} Its error is {with_interval(*astuple(error))}." if error else said
     if bench.diagnosis:
         return _diagnosed(bench.diagnosis)
     if c := bench.comparison:
@@ -98,11 +99,7 @@ def _diagnosed(found: Diagnosis) -> str:
     if not found.accepted or found.error_after is None:
         return said
     left = f"{'No' if found.adequate_after else 'A'} significant difference is left."
-    return f"{said} Adding it takes the error on hold-out frames from 1 to {_with_interval(found.error_after)}. {left}"
-
-
-def _with_interval(error: Error) -> str:
-    return with_interval(error.value, error.low, error.high)
+    return f"{said} Adding it takes the error on hold-out frames from 1 to {with_interval(*astuple(found.error_after))}. {left}"
 
 
 def _judged(subject: str, holds: bool, p: float, places: tuple[Place, ...]) -> str:
