@@ -11,7 +11,7 @@ import numpy as np
 
 from visaug.core.errors import InputError, readable
 from visaug.core.extras import extra
-from visaug.frames.keywords import header_facts
+from visaug.frames.keywords import Header
 from visaug.frames.layout import layout_of
 from visaug.frames.limits import check_shape, outside
 
@@ -30,7 +30,7 @@ def fits_frames(path: Path) -> list[tuple[str, dict[str, Any]]]:
         for unit in images:
             key = "" if len(images) == 1 else _name(unit, units)
             header = _whole_header(units, unit)
-            facts = header_facts(header, {c.keyword: c.comment for c in header.cards}, path)
+            facts = Header(header, {c.keyword: c.comment for c in header.cards}, path).facts()
             facts["colour"] = _colour(header, unit.shape)
             if key:
                 facts["setting"] = " ".join(filter(None, (facts.get("setting"), f"AMP={key}")))

@@ -49,17 +49,8 @@ _NO_CODES = re.compile(
 _PER_DN = re.compile(r"(?:e-?|electrons?)\s*(?:/|per)\s*(?:adu|dn|count)", re.IGNORECASE)
 
 
-def header_facts(header: Mapping[str, Any], comments: Mapping[str, str], path: Path) -> dict[str, Any]:
-    """Facts by the fields of `FrameRecord`.
-
-    Beside them ``words`` (the keyword that gave each field), ``said`` (what was assumed, by its word), ``body`` (which
-    camera), ``calibrated`` (the keyword that says so), ``ceiling`` (the largest value, DN).
-    """
-    return _Header(header, comments, path).facts()
-
-
 @dataclass
-class _Header:
+class Header:
     """The keywords of one header, and what was said and assumed while they were read."""
 
     header: Mapping[str, Any]
@@ -69,6 +60,11 @@ class _Header:
     said: dict[str, str] = field(default_factory=dict)
 
     def facts(self) -> dict[str, Any]:
+        """Facts by the fields of `FrameRecord`.
+
+        Beside them ``words`` (the keyword that gave each field), ``said`` (what was assumed, by its word), ``body`` (which
+        camera), ``calibrated`` (the keyword that says so), ``ceiling`` (the largest value, DN).
+        """
         text = self.text
         facts: dict[str, Any] = {"words": self.words, "said": self.said}
         said = {name: text(name) for name in _KIND if text(name)}

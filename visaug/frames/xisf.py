@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from visaug.core.errors import InputError, readable
-from visaug.frames.keywords import header_facts
+from visaug.frames.keywords import Header
 from visaug.frames.layout import layout_of
 from visaug.frames.limits import check_shape
 
@@ -20,7 +20,7 @@ def xisf_frames(path: Path) -> list[tuple[str, dict[str, Any]]]:
     """The image as (``""``, facts of its FITS keywords); of colours green alone is read."""
     image, header, comments = _head(path)
     channels, *shape = _geometry(image, path)
-    facts = header_facts(header, comments, path)
+    facts = Header(header, comments, path).facts()
     layout_of(header, tuple(shape)).tell(facts)
     if channels > 1:
         facts["said"]["colour_planes"] = f"{channels} channels"
