@@ -141,7 +141,6 @@ def plan(
 @cli.force_option
 def frames(
     folder: Path,
-    bit_depth: int | None,
     resolution: str | None,
     output: Path | None,
     force: bool,
@@ -158,9 +157,8 @@ def frames(
     from visaug.frames.survey import parse_resolution, survey
 
     cli.may_write(output, force)
-    values = {**given, "bit_depth": bit_depth}
     with progress_bars() as progress:
-        found = survey(folder, values, parse_resolution(resolution), progress=progress)
+        found = survey(folder, given, parse_resolution(resolution), progress=progress)
     summaries.print_survey(found)
     if output:
         write_text(output, found.text(output.parent))
