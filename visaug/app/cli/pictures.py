@@ -132,8 +132,7 @@ def preview(picture: Path, camera_names: tuple[str, ...], output: Path, **option
 
 
 @cli.command(
-    "example",
-    "visaug example example/\nvisaug preview example/render.png --camera sony_imx174 -o sheet.png",
+    "example", "visaug example example/\nvisaug preview example/render.png --camera sony_imx174 -o sheet.png"
 )
 @click.argument("folder", metavar="DIR", type=cli.PATH)
 def example(folder: Path, seed: int) -> None:

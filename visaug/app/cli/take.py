@@ -14,8 +14,7 @@ from visaug.report.inspected import FINDING_HEAD, finding_row, measured_texts, n
 
 
 @cli.command(
-    "simulate",
-    "visaug plan -o frames.csv\nvisaug simulate frames.csv --camera sony_imx174 -o frames/",
+    "simulate", "visaug plan -o frames.csv\nvisaug simulate frames.csv --camera sony_imx174 -o frames/"
 )
 @click.argument("plan_path", metavar="PLAN", type=cli.PATH)
 @cli.camera_option()
@@ -69,19 +68,14 @@ def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed:
 @click.option("--repeats", type=int, metavar="N", help="Frames per setting, 2 or more.")
 @click.option("--bias-frames", type=int, metavar="N", help="Bias frames, 2 or more.")
 @cli.option(
-    "--for effects_for",
+    "--for wanted",
     "EFFECT,...",
     "With --camera: what the frames would show of these effects, and what looks alike.",
 )
 @cli.output_option("frames.csv", "Write the plan as a frames.csv.")
 @cli.force_option
 def plan(
-    camera_name: str | None,
-    effects_for: str | None,
-    output: Path | None,
-    force: bool,
-    seed: int,
-    **given: Any,
+    camera_name: str | None, wanted: str | None, output: Path | None, force: bool, seed: int, **given: Any
 ) -> None:
     """List the frames to take of a camera, and why.
 
@@ -92,10 +86,10 @@ def plan(
     from visaug.frames.table import write_table
 
     cli.may_write(output, force)
-    if effects_for is not None:
+    if wanted is not None:
         if not camera_name:
             raise InputError("needs a camera", field="--for", expected="--camera CAMERA")
-        names = list(dict.fromkeys(name.strip() for name in effects_for.split(",") if name.strip()))
+        names = list(dict.fromkeys(name.strip() for name in wanted.split(",") if name.strip()))
         if not names:
             raise InputError("names no effect", field="--for", expected="for example row_noise,smear")
         with progress_bars(single=True) as progress:
@@ -140,12 +134,7 @@ def plan(
 @cli.output_option("frames.csv", "Write the table; the column `file` is relative to its folder.")
 @cli.force_option
 def frames(
-    folder: Path,
-    resolution: str | None,
-    output: Path | None,
-    force: bool,
-    seed: int,
-    **given: float | None,
+    folder: Path, resolution: str | None, output: Path | None, force: bool, seed: int, **given: float | None
 ) -> None:
     """Write the frames.csv of a folder.
 
