@@ -6,13 +6,8 @@ from time import monotonic
 
 EVERY_S = 30.0  # seconds between lines where there is no terminal: what a log of an hour can bear
 # how a step begins: the name of its phase
-WORDS = {
-    "trying again": "refitting",
-    "following": "refitting",
-    "trying": "trying",
-    "refining": "refining",
-    "limit of": "limits",
-}
+WORDS = dict.fromkeys(("trying again", "following"), "refitting")
+WORDS |= {"trying": "trying", "refining": "refining", "limit of": "limits"}
 FOUND = " found: "
 Progress = Callable[[str, int, int], None]
 
@@ -38,11 +33,8 @@ def progress_bars(single: bool = False, quiet: bool = False) -> Iterator[Progres
     tasks: dict[str, rich.TaskID] = {}
     named: set[str] = set()
     current, told = "", 0.0
-    began, first, last = (
-        0.0,
-        0,
-        0,
-    )  # of the phase: when it began, how much was done then, and how much at last
+    # of the phase: when it began, how much was done then, and how much at last
+    began, first, last = 0.0, 0, 0
 
     def write_line(phase: str, description: str, done: int, total: int) -> None:
         nonlocal current, began, first, last, told

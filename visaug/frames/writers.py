@@ -27,11 +27,7 @@ _FORMATS = ".npy, .npz, .tif or .fits; .png and .raw for whole DN of 16 bits"
 
 
 def save(
-    frames: "FrameSet",
-    folder: Path,
-    keep_names: bool,
-    overwrite: bool,
-    beside: Callable[[Path], object] | None,
+    frames: "FrameSet", folder: Path, keep_names: bool, overwrite: bool, beside: Callable | None
 ) -> Path:
     """Write a set to `folder`; see `FrameSet.save`."""
     if overwrite:
