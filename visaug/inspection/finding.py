@@ -207,9 +207,7 @@ class Inspection(Reported):
         content: dict[str, Any] = {"schema": 1, "answer": self.answer, "frames": len(self.frames)}
         facts = "kinds", "kinds_from", "bits", "bits_stated", "shift"
         content |= {name: getattr(self, name) for name in facts}
-        content |= {
-            name: [each.to_json() for each in getattr(self, name)] for name in ("measured", "findings")
-        }
+        content |= {name: [one.to_json() for one in getattr(self, name)] for name in ("measured", "findings")}
         content |= {name: list(getattr(self, name)) for name in ("ambiguous", "more", "notes")}
         return content | {"next": self.next_command}
 

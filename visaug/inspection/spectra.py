@@ -13,9 +13,7 @@ from visaug.inspection.finding import needed
 class Continuum:
     """S(j) = floor(j) + white + rise j^-exponent at j cycles per frame, DN^2 of one line mean."""
 
-    floors: (
-        np.ndarray
-    )  # (L/2,) expected at 1, 2, ... cycles: the pixels' own noise in a line mean, and known parts
+    floors: np.ndarray  # (L/2,) expected at 1, 2, ... cycles: pixels' noise in a line mean, and known parts
     white: float  # further variance of the lines
     rise: float
     exponent: float  # of the part that falls with the frequency

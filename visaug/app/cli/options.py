@@ -65,21 +65,21 @@ def _check_places(context: click.Context) -> None:
                 raise InputError(problem, file=path, expected="a name for each")
 
 
-def option_with_default(name: str, kind: click.ParamType, default: Any, text: str) -> Decorator:
+def with_default(name: str, kind: click.ParamType, default: Any, text: str) -> Decorator:
     """An option whose default the help shows."""
     return click.option(name, type=kind, default=default, show_default=True, help=text)
 
 
 def choice_option(name: str, choices: Sequence[str], text: str) -> Decorator:
     """An option with a few choices, the first by default."""
-    return option_with_default(name, click.Choice(choices), choices[0], text)
+    return with_default(name, click.Choice(choices), choices[0], text)
 
 
 def command(name: str, example: str) -> Callable[[Callable], click.Command]:
     """A command with `--seed` and an example under its help."""
     epilog = "\b\nExample:\n  " + example.replace("\n", "\n  ")
     seeds = click.IntRange(0, 2**63 - 1)  # what torch takes
-    seeded = option_with_default("--seed", seeds, 0, "Seed of all random numbers.")
+    seeded = with_default("--seed", seeds, 0, "Seed of all random numbers.")
     return lambda function: click.command(name, cls=_Command, epilog=epilog)(seeded(function))
 
 

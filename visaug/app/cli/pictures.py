@@ -44,7 +44,7 @@ light_options = cli.all_of(
         type=Range(),
         help="Fraction of the saturation exposure, 1e-6 to 1; the brightness is restored. With A:B, drawn for each picture.",
     ),
-    cli.option_with_default(
+    cli.with_default(
         "--strength", click.FloatRange(min=0), 1.0, "Factor on the standard deviation of the noise."
     ),
     click.option(
@@ -60,10 +60,8 @@ light_options = cli.all_of(
 @cli.output_option("OUT", "Folder for the copies.", required=True)
 @cli.camera_option(if_repeated="If repeated, one is drawn for each picture.")
 @light_options
-@cli.option_with_default("--p", click.FloatRange(0, 1), 1.0, "Probability that a copy gets noise.")
-@cli.option_with_default(
-    "--copies", click.IntRange(min=1), 1, "Copies of each picture: a_1.png, a_2.png, ..."
-)
+@cli.with_default("--p", click.FloatRange(0, 1), 1.0, "Probability that a copy gets noise.")
+@cli.with_default("--copies", click.IntRange(min=1), 1, "Copies of each picture: a_1.png, a_2.png, ...")
 @cli.flag(
     "--copy-labels labels",
     "Copy everything else of the folders too: YOLO labels to where ultralytics looks for them, annotations, masks and "
