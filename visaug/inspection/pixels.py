@@ -170,13 +170,11 @@ def _defects(look: FrameGroup, word: str, where: np.ndarray) -> Finding | None:
     )
 
 
-def _pixels(
-    where: np.ndarray, word: str, heights: np.ndarray, typical: float, error: float
-) -> dict[str, Any]:
+def _pixels(where: np.ndarray, word: str, heights: np.ndarray, usual: float, error: float) -> dict[str, Any]:
     """What findings of single pixels have in common: size, share and places."""
     places = list(zip(*np.nonzero(where), heights))[:20_000]  # defects listed at most
     return {
-        **_about(typical, error),
+        **_about(usual, error),
         "share": len(heights) / where.size,
         "details": {"pixels": len(heights)},
         "places": tuple((int(r), int(c), word, float(h)) for r, c, h in places),
