@@ -221,19 +221,14 @@ def _prefix() -> str:
 def _runs(process: int) -> bool:
     try:
         os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):  # one of another user
-        return True
+    except (OSError, OverflowError) as error:  # one of another user, or none
+        return not isinstance(error, ProcessLookupError)
     return True
 
 
 def _flush(file: Path) -> None:
-    handle = os.open(file, os.O_RDONLY)
-    try:
+    with open(file, "rb") as handle:
         os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def write_text(path: str | Path, text: str) -> None:

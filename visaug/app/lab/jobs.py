@@ -63,12 +63,10 @@ class JobQueue:
         self.failed = False
 
     def ask(self, title: str, work: Work, instead_of: tuple[str, ...] = ()) -> None:
-        """Put work in the queue; refused where the same waits or runs already.
+        """Put work in the queue, with a title as the page says it; refused where the same waits or runs already.
 
-        Args:
-            title: what is being done, as the page says it.
-            work: called with `progress(description, done, total)`; may return a line to show.
-            instead_of: titles of work that is dropped, or stopped without a word, because this takes its place.
+        `work` is called with `progress(description, done, total)` and may return a line to show. Work of the titles `instead_of` is
+        dropped, or stopped without a word, because this takes its place.
         """
         job = _Job(title, work)
         with self._lock:
