@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -51,19 +52,13 @@ def map_data(title: str, first: np.ndarray, second: np.ndarray) -> dict[str, Any
 
 def _aligned(label: str, measured: tuple[Any, Any], modelled: tuple[Any, Any]) -> dict[str, Any]:
     """Both curves over the union of their positions; None where one has no finite value."""
-    points = []
-    for xs, ys in (measured, modelled):
-        xs, ys = np.asarray(xs, float), np.asarray(ys, float)
-        there = np.isfinite(xs)  # a position that is not known cannot be drawn
-        points.append((xs[there], ys[there]))
-    x = np.union1d(points[0][0], points[1][0])
-    columns = []
-    for xs, ys in points:
-        column: list[float | None] = [None] * len(x)
-        for place, y in zip(np.searchsorted(x, xs), ys, strict=True):
-            column[int(place)] = float(f"{y:.7g}") if np.isfinite(y) else None
-        columns.append(column)
-    return {"label": label, "x": x.tolist(), "y": columns}
+    tables = []
+    for curve in (measured, modelled):
+        points = zip(*(np.asarray(values, float).tolist() for values in curve), strict=True)
+        known = (point for point in points if math.isfinite(point[0]))  # others cannot be drawn
+        tables.append({x: float(f"{y:.7g}") if math.isfinite(y) else None for x, y in known})
+    union = sorted({*tables[0], *tables[1]})
+    return {"label": label, "x": union, "y": [[table.get(x) for x in union] for table in tables]}
 
 
 def _reduced(image: np.ndarray, step: int) -> np.ndarray:
