@@ -74,11 +74,8 @@ def clock(seconds: float) -> str:
 def phase_of(description: str) -> str:
     """One phase for all effects that are tried, one for all that are refined; what was found before it, see `beside`, is kept."""
     before, colon, step = description.rpartition(FOUND)
-    for word in WORDS:
-        if step.startswith(f"{word} "):
-            step = f"{WORDS[word]}, one effect after the other"
-            break
-    return before + colon + step
+    phase = next((name for word, name in WORDS.items() if step.startswith(f"{word} ")), None)
+    return before + colon + (f"{phase}, one effect after the other" if phase else step)
 
 
 def beside(report: Progress, found: Sequence[str]) -> Progress:
