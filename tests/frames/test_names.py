@@ -2,7 +2,7 @@
 
 import pytest
 
-from visaug.frames.names import facts_of_name, kind_of, kind_of_name, read_name
+from visaug.frames.names import kind_of, kind_of_name, read_name
 
 
 @pytest.mark.parametrize(
@@ -25,7 +25,7 @@ from visaug.frames.names import facts_of_name, kind_of, kind_of_name, read_name
     ],
 )
 def test_kind(name, kind):
-    assert facts_of_name(name).get("kind") == kind
+    assert read_name(name).facts.get("kind") == kind
     assert kind_of_name(name) == kind
 
 
@@ -61,7 +61,7 @@ def test_kinds_of_observatories(text):
 )
 def test_exposure(part, seconds):
     for name in (f"dark_{part}_0001.tif", f"{part}/dark_0001.fits", f"dark_{part}.npy"):
-        found = facts_of_name(name).get("exposure_s")
+        found = read_name(name).facts.get("exposure_s")
         assert found == (None if seconds is None else pytest.approx(seconds, rel=1e-9))
 
 
@@ -91,7 +91,7 @@ def test_exposure(part, seconds):
     ],
 )
 def test_temperature(part, degrees):
-    assert facts_of_name(f"dark_{part}_2s_0001.tif").get("temperature_c") == degrees
+    assert read_name(f"dark_{part}_2s_0001.tif").facts.get("temperature_c") == degrees
 
 
 @pytest.mark.parametrize(
@@ -107,13 +107,12 @@ def test_temperature(part, degrees):
     ],
 )
 def test_setting(name, setting):
-    assert facts_of_name(name).get("setting") == setting
+    assert read_name(name).facts.get("setting") == setting
 
 
 def test_words_and_what_is_unclear():
     found = read_name("darks/x_1_100s_m10C_1.tif")
     assert found.words == {"kind": "darks", "exposure_s": "1_100s", "temperature_c": "m10c"}
     assert read_name("dark_3_2s.tif").unclear == ["3_2s"]
-    assert "exposure_s" not in facts_of_name(
-        "dark_5s/3_2s.tif"
-    )  # the nearer name does not confirm the folder's
+    # the nearer name does not confirm the folder's
+    assert "exposure_s" not in read_name("dark_5s/3_2s.tif").facts

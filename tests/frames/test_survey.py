@@ -11,7 +11,7 @@ from PIL import Image
 
 from visaug.core.errors import InputError
 from visaug.frames import FrameSet, read_table
-from visaug.frames.names import facts_of_name
+from visaug.frames.names import read_name
 from visaug.frames.survey import natural, parse_resolution, survey
 
 RNG = np.random.default_rng(31)
@@ -51,7 +51,7 @@ def put(folder, *names, shape=(6, 8)):
     ],
 )
 def test_facts_of_names(name, facts):
-    assert facts_of_name(name) == facts
+    assert read_name(name).facts == facts
 
 
 def test_subfolders_give_a_table_that_can_be_loaded(tmp_path):

@@ -14,11 +14,7 @@ from visaug.core.extras import extra
 def connected(address: str | None) -> Iterator[Any]:
     """The `ray` module, connected; a connection that is already there is used and left as it is.
 
-    Args:
-        address: as `ray start --head` printed it, or `auto`; None or `local` for this machine.
-
-    Raises:
-        InputError: Ray is not installed, or nobody answers at the address.
+    `address` is as `ray start --head` printed it, or `auto`; None or `local` for this machine.
     """
     with extra(field="cluster"):
         import ray

@@ -19,10 +19,8 @@ LARGEST_INT = 2**63  # what NumPy and Torch still hold is below
 
 def read_yaml(path: str | Path, expected: str = "a YAML file") -> Any:
     """The content of a YAML file as dict, list, str, int, float, bool or None."""
-    path = Path(path)
     yaml_bytes = 2**20  # of a file; camera files have a few thousand
-    content = _read(path, expected, yaml_bytes)
-    return parse_yaml(content, path)
+    return parse_yaml(_read(Path(path), expected, yaml_bytes), path)
 
 
 def parse_yaml(text: str, file: str | Path | None = None) -> Any:
@@ -40,8 +38,7 @@ def parse_yaml(text: str, file: str | Path | None = None) -> Any:
 
 def read_json(path: str | Path) -> Any:
     """The content of a JSON file as dict, list, str, int, float, bool or None."""
-    path = Path(path)
-    return parse_json(_read(path, "a JSON file"), path)
+    return parse_json(_read(Path(path), "a JSON file"), path)
 
 
 def parse_json(text: str, file: str | Path | None = None) -> Any:
@@ -107,12 +104,10 @@ class _Loader(yaml.SafeLoader):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
         if isinstance(node, yaml.MappingNode):
             seen = set()
-            for key, _ in node.value:
-                name = (key.tag, key.value) if isinstance(key, yaml.ScalarNode) else None
-                if name in seen and name != ("tag:yaml.org,2002:merge", "<<"):
-                    raise yaml.YAMLError(f"the key {key.value!r} is given twice")
-                if name:
-                    seen.add(name)
+            for key in [(key.tag, key.value) for key, _ in node.value if isinstance(key, yaml.ScalarNode)]:
+                if key in seen and key != ("tag:yaml.org,2002:merge", "<<"):
+                    raise yaml.YAMLError(f"the key {key[1]!r} is given twice")
+                seen.add(key)
         return super().construct_mapping(node, deep)
 
     def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
@@ -151,11 +146,10 @@ def _expanded(node: yaml.Node, known: dict[int, int]) -> int:
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    made = dict(pairs)
-    if len(made) < len(pairs):
-        keys = [key for key, _ in pairs]
+    keys = [key for key, _ in pairs]
+    if len(set(keys)) < len(keys):
         raise ValueError(f"the key {next(k for k in keys if keys.count(k) > 1)!r} is given twice")
-    return made
+    return dict(pairs)
 
 
 def _int(text: str) -> int:

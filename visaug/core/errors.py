@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from traceback import walk_tb
 
 USER_MODULE = "visaug_user_"  # how the names of modules from a user's effect files begin
 
@@ -54,9 +55,7 @@ class PartlyFailed(Exception):
 def readable(file: str | Path, hint: str) -> Iterator[None]:
     """Around the reading of a file: what libraries raise for a damaged one, of many kinds, becomes an InputError.
 
-    Args:
-        file: that is read.
-        hint: what may be wrong with it, for instance ``truncated, or not a TIFF file``.
+    `hint` is what may be wrong with it, for instance ``truncated, or not a TIFF file``.
     """
     try:
         yield
@@ -85,9 +84,8 @@ def with_user_line(error: Exception) -> Exception:
 
 def user_line(error: BaseException) -> str | None:
     """`file: line n` of a user's effect file that raised the exception; None where no such file took part."""
-    at, trace = vars(error).get("_user_line"), error.__traceback__
-    while trace:
-        if str(trace.tb_frame.f_globals.get("__name__", "")).startswith(USER_MODULE):
-            at = f"{trace.tb_frame.f_code.co_filename}: line {trace.tb_lineno}"
-        trace = trace.tb_next
+    at = vars(error).get("_user_line")
+    for frame, line in walk_tb(error.__traceback__):
+        if str(frame.f_globals.get("__name__", "")).startswith(USER_MODULE):
+            at = f"{frame.f_code.co_filename}: line {line}"
     return at

@@ -1,7 +1,7 @@
 """Packages that only an extra of visaug installs: a missing one is one line that names the extra."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -22,14 +22,8 @@ EXTRAS = {module: extra for extra, modules in _MODULES.items() for module in mod
 
 @contextmanager
 def extra(file: str | Path | None = None, field: str | None = None) -> Iterator[None]:
-    """Around imports: a missing package of an extra becomes an InputError; any other stays ModuleNotFoundError.
-
-    Args:
-        file, field: what needs the package, for the message.
-
-    Examples:
-        >>> with extra():
-        ...     import matplotlib
+    """Around imports: a missing package of an extra becomes an InputError, which names the file or field that needs it; any other
+    stays ModuleNotFoundError.
     """
     try:
         yield
@@ -43,15 +37,12 @@ def extra(file: str | Path | None = None, field: str | None = None) -> Iterator[
 def check_installed(*modules: str, file: str | Path | None = None) -> None:
     """Raise InputError where one of the modules is missing, without importing it: before long work that needs it."""
     for name in modules:
-        try:
-            found = find_spec(name) is not None
-        except ValueError:  # no package, but an entry of sys.modules without a specification
-            found = False
-        if not found:
-            raise _missing(name, file, None)
+        with suppress(ValueError):  # no package, but an entry of sys.modules without a specification
+            if find_spec(name) is not None:
+                continue
+        raise _missing(name, file, None)
 
 
 def _missing(name: str, file: str | Path | None, field: str | None) -> InputError:
-    return InputError(
-        f"{name} is not installed", file=file, field=field, expected=f"pip install 'visaug[{EXTRAS[name]}]'"
-    )
+    expected = f"pip install 'visaug[{EXTRAS[name]}]'"
+    return InputError(f"{name} is not installed", file=file, field=field, expected=expected)

@@ -18,11 +18,7 @@ from visaug.core.errors import InputError
 
 DEFECTS = "row,column,type,height_dn\n"  # the first line of a list of defects
 # what a page, an SVG and a PNG hold near their beginning, and JSON beside `schema`, if visaug wrote them
-_MARKS = (
-    b'<meta name="generator" content="visaug">',
-    b"<dc:title>visaug</dc:title>",
-    b"Software\0visaug",
-)
+_MARKS = (b'<meta name="generator" content="visaug">', b"<dc:title>visaug</dc:title>", b"Software\0visaug")
 _KEYS = {"answer", "error", "operating_points", "parameters"}
 _HALF = ".visaug-half-"  # of what is being written; host and process follow
 _OLD = ".visaug-old-"  # of a folder that is being replaced; its name follows
@@ -32,10 +28,8 @@ _cleaned: set[Path] = set()
 
 def cache_folder() -> Path:
     """Where visaug keeps what it can make again: $VISAUG_CACHE, or `visaug` in the user's cache folder."""
-    base = os.environ.get("VISAUG_CACHE")
-    if base:
-        return Path(base)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "visaug"
+    own, user = os.environ.get("VISAUG_CACHE"), os.environ.get("XDG_CACHE_HOME")
+    return Path(own) if own else Path(user or Path.home() / ".cache") / "visaug"
 
 
 @contextmanager
@@ -43,10 +37,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     """Yield a path in the same folder to write to; it is renamed to `path` when the block ends well.
 
     The temporary name keeps the suffix, as many writers choose the format by it. Missing folders are made. A link stays a link:
-    what it leads to is replaced. A device or a pipe gets the content when the block ends well.
-
-    Raises:
-        InputError: `path` is a folder, or lies below a file.
+    what it leads to is replaced. A device or a pipe gets the content when the block ends well. A folder is refused.
     """
     path = Path(path)
     check_place(path)
@@ -130,14 +121,8 @@ def _name_place(error: OSError, path: Path) -> None:
 def whole_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
     """Yield a folder beside `path` to fill; it becomes `path` when the block ends well.
 
-    A mounted folder, and that of the caller's shell, stays: what it holds is replaced, one entry after the other.
-
-    Args:
-        path: a new or empty folder.
-        overwrite: replace a folder that is there, all that it holds.
-
-    Raises:
-        InputError: `path` is a file, or holds something and is not to be replaced.
+    A file is refused, and so is a folder that holds something, unless `overwrite` says to replace all of it. A mounted folder, and
+    that of the caller's shell, stays: what it holds is replaced, one entry after the other.
     """
     path = Path(path)
     check_folder(path)
@@ -191,12 +176,9 @@ def _move_into(place: Path, temporary: Path) -> None:
 
 @contextmanager
 def folder_lock(folder: str | Path) -> Iterator[None]:
-    """Keep other commands from writing into the folder, which is made.
+    """Keep other commands from writing into the folder, which is made; refuse one that another process has, and a file.
 
     The lock ends with the process, however it ends. Where the system has no such locks, nothing is locked.
-
-    Raises:
-        InputError: another process has it, or it is a file.
     """
     folder = Path(folder)
     _check_folder(folder)
@@ -211,10 +193,8 @@ def folder_lock(folder: str | Path) -> Iterator[None]:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            problem, expected = (
-                "another visaug command is writing there",
-                "another folder, or wait until it ends",
-            )
+            problem = "another visaug command is writing there"
+            expected = "another folder, or wait until it ends"
             raise InputError(problem, file=folder, expected=expected) from None
         except OSError:  # a file system without locks
             pass
@@ -241,19 +221,14 @@ def _prefix() -> str:
 def _runs(process: int) -> bool:
     try:
         os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):  # one of another user
-        return True
+    except (OSError, OverflowError) as error:  # one of another user, or none
+        return not isinstance(error, ProcessLookupError)
     return True
 
 
 def _flush(file: Path) -> None:
-    handle = os.open(file, os.O_RDONLY)
-    try:
+    with open(file, "rb") as handle:
         os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def write_text(path: str | Path, text: str) -> None:

@@ -17,17 +17,12 @@ def t_quantile(df: float) -> float:
 
 
 def variance_combination(terms: Sequence[tuple[float, float, float]]) -> Interval:
-    """Estimate and interval of a sum of c * E[MS], mean squares with chi-square spread.
+    """Estimate (may be negative), low and high (clipped at 0) of a sum of c * E[MS], mean squares with chi-square spread; terms are
+    (coefficient, mean square, degrees of freedom).
 
     The modified large-sample method (Graybill and Wang, J. Am. Stat. Assoc. 75 (1980) 869; for differences
-    Ting et al., J. Stat. Comput. Simul. 35 (1990) 135): exact for one term, nearly so for several.
-
-    Args:
-        terms: (coefficient, mean square, degrees of freedom) of each.
-
-    Returns:
-        estimate (may be negative), low and high (clipped at 0). The upper limit of a negative estimate is that of 0:
-        below 0 the limit itself can fall to 0, an interval of no width, which would claim an exact 0.
+    Ting et al., J. Stat. Comput. Simul. 35 (1990) 135): exact for one term, nearly so for several. The upper limit of a
+    negative estimate is that of 0: below 0 the limit itself can fall to 0, an interval of no width, which would claim an exact 0.
     """
     value = sum(c * ms for c, ms, _ in terms)
     below = above = 0.0
@@ -71,11 +66,8 @@ def mean_error(parts: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 def row_blocks(rows: int) -> np.ndarray:
     """(blocks, rows) weights: each leaves one block of rows out, 1 where kept and 0 where left out."""
-    blocks = min(20, rows)
-    keep = np.ones((blocks, rows))
-    for b, members in enumerate(np.array_split(np.arange(rows), blocks)):
-        keep[b, members] = 0
-    return keep
+    blocks = np.array_split(np.arange(rows), min(20, rows))
+    return np.array([~np.isin(np.arange(rows), members) for members in blocks], float)
 
 
 def jackknife(
@@ -83,17 +75,13 @@ def jackknife(
 ) -> dict[str, tuple[float, float, float]]:
     """Every figure of `compute` with its standard error and degrees of freedom, leaving blocks of rows out.
 
-    Pixels of different rows have independent temporal noise; its distribution need not be known.
-
-    Args:
-        compute: called with weights (rows,) of 0 and 1; returns figures by name.
+    `compute` takes weights (rows,) of 0 and 1 and returns figures by name. Pixels of different rows have independent temporal
+    noise; its distribution need not be known.
     """
-    whole = compute(np.ones(rows))
-    keep = row_blocks(rows)
-    parts = [compute(weights) for weights in keep]
-    blocks = len(keep)
+    parts = [compute(weights) for weights in row_blocks(rows)]
+    blocks = len(parts)
     result: dict[str, tuple[float, float, float]] = {}
-    for name, value in whole.items():
+    for name, value in compute(np.ones(rows)).items():
         values = np.array([part.get(name, math.nan) for part in parts])
         values = values[np.isfinite(values)]
         error = math.nan

@@ -3,14 +3,8 @@
 import contextlib
 import ctypes
 import sys
-from enum import IntEnum
 
-
-class _Parameter(IntEnum):
-    """Parameters of mallopt(3)."""
-
-    TRIM_THRESHOLD = -1
-    MMAP_THRESHOLD = -3
+TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # parameters of mallopt(3)
 
 
 def keep_freed() -> None:
@@ -23,5 +17,5 @@ def keep_freed() -> None:
         with contextlib.suppress(OSError, AttributeError):  # musl has no mallopt
             mallopt = ctypes.CDLL(None).mallopt
             # bytes of the largest block that is taken from the heap, and of the heap that stay unused at most
-            mallopt(_Parameter.MMAP_THRESHOLD, 32 * 2**20)
-            mallopt(_Parameter.TRIM_THRESHOLD, 128 * 2**20)
+            mallopt(MMAP_THRESHOLD, 32 * 2**20)
+            mallopt(TRIM_THRESHOLD, 128 * 2**20)

@@ -7,9 +7,8 @@ from difflib import SequenceMatcher, get_close_matches
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """``"; did you mean a or b?"`` of the nearest known words, at most three; empty where none is near.
 
-    Example:
-        >>> did_you_mean("colum_noise", ["column_noise", "row_noise"])
-        '; did you mean column_noise?'
+    >>> did_you_mean("colum_noise", ["column_noise", "row_noise"])
+    '; did you mean column_noise?'
     """
     near = get_close_matches(word, list(known), n=3)
     if not near:

@@ -6,13 +6,8 @@ from time import monotonic
 
 EVERY_S = 30.0  # seconds between lines where there is no terminal: what a log of an hour can bear
 # how a step begins: the name of its phase
-WORDS = {
-    "trying again": "refitting",
-    "following": "refitting",
-    "trying": "trying",
-    "refining": "refining",
-    "limit of": "limits",
-}
+WORDS = dict.fromkeys(("trying again", "following"), "refitting")
+WORDS |= {"trying": "trying", "refining": "refining", "limit of": "limits"}
 FOUND = " found: "
 Progress = Callable[[str, int, int], None]
 
@@ -21,43 +16,25 @@ Progress = Callable[[str, int, int], None]
 def progress_bars(single: bool = False, quiet: bool = False) -> Iterator[Progress]:
     """A `progress(description, done, total)` that draws bars on standard error.
 
-    A bar names the step, k of n, and the time left; one whose `done` reaches `total` stays. Without a terminal a line is written
-    at the start of a phase, and every `EVERY_S` seconds where it takes longer.
-
-    Args:
-        single: one bar for everything, which shows what is being done and how much of that is left; else one per description.
-        quiet: draw and write nothing.
+    A bar names the step, k of n, and the time left; one whose `done` reaches `total` stays. `single` draws one bar for everything,
+    not one per description; `quiet` nothing. Without a terminal a line is written at the start of a phase, and every `EVERY_S`
+    seconds where it takes longer.
     """
     if quiet:
         yield lambda *_: None
         return
+    from rich import progress as rich
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TaskID,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
 
     console = Console(stderr=True)
-    bars = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        console=console,
-        disable=not console.is_terminal,
-    )
-    tasks: dict[str, TaskID] = {}
+    done_so_far = rich.TextColumn("{task.description}"), rich.BarColumn(), rich.MofNCompleteColumn()
+    times = rich.TimeElapsedColumn(), rich.TextColumn("left"), rich.TimeRemainingColumn()
+    bars = rich.Progress(*done_so_far, *times, console=console, disable=not console.is_terminal)
+    tasks: dict[str, rich.TaskID] = {}
     named: set[str] = set()
-    current = ""  # the phase; when it began, how much was done then, and how much at last:
+    current, told = "", 0.0
+    # of the phase: when it began, how much was done then, and how much at last
     began, first, last = 0.0, 0, 0
-    told = 0.0
 
     def write_line(phase: str, description: str, done: int, total: int) -> None:
         nonlocal current, began, first, last, told
@@ -97,11 +74,8 @@ def clock(seconds: float) -> str:
 def phase_of(description: str) -> str:
     """One phase for all effects that are tried, one for all that are refined; what was found before it, see `beside`, is kept."""
     before, colon, step = description.rpartition(FOUND)
-    for word in WORDS:
-        if step.startswith(f"{word} "):
-            step = f"{WORDS[word]}, one effect after the other"
-            break
-    return before + colon + step
+    phase = next((name for word, name in WORDS.items() if step.startswith(f"{word} ")), None)
+    return before + colon + (f"{phase}, one effect after the other" if phase else step)
 
 
 def beside(report: Progress, found: Sequence[str]) -> Progress:

@@ -17,13 +17,8 @@ class Reported:
     """A result that can write its report."""
 
     def report(self, path: str | Path) -> Path:
-        """Writes the report as one HTML file; a comparison also writes the pictures of its views into a folder beside it.
-
-        Args:
-            path: the file to write.
-
-        Returns:
-            The path that was written.
+        """Writes the report as one HTML file, whose path is returned; a comparison also writes the pictures of its views into a
+        folder beside it.
         """
         (writer,) = _writer
         writer(Path(path), self)

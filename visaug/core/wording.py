@@ -19,9 +19,8 @@ def printable(text: str) -> str:
     """The text with an escape for every character that a reader cannot see: control characters, those that turn the direction of
     what follows, and what is no Unicode. Line feeds stay.
 
-    Examples:
-        >>> print(printable("a\\x1b[1mb\\u202ec"))
-        a\\x1b[1mb\\u202ec
+    >>> print(printable("a\\x1b[1mb\\u202ec"))
+    a\\x1b[1mb\\u202ec
     """
     if text.isprintable():
         return text
@@ -31,9 +30,8 @@ def printable(text: str) -> str:
 def first_of(items: Iterable[object], most: int = 6, between: str = ", ") -> str:
     """The first of a list and how many more there are.
 
-    Examples:
-        >>> first_of([3, 5, 8], 2), first_of([3, 5], 2)
-        ('3, 5 and 1 more', '3, 5')
+    >>> first_of([3, 5, 8], 2), first_of([3, 5], 2)
+    ('3, 5 and 1 more', '3, 5')
     """
     texts = [str(item) for item in items]
     return between.join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
@@ -42,9 +40,8 @@ def first_of(items: Iterable[object], most: int = 6, between: str = ", ") -> str
 def listed(items: Iterable[object], most: int) -> str:
     """The first of a list, and dots where there are more.
 
-    Examples:
-        >>> listed([3, 5, 8], 2), listed([3, 5], 2)
-        ('3, 5, ...', '3, 5')
+    >>> listed([3, 5, 8], 2), listed([3, 5], 2)
+    ('3, 5, ...', '3, 5')
     """
     texts = [str(item) for item in items]
     return ", ".join([*texts[:most], *(["..."] if len(texts) > most else [])])
@@ -53,9 +50,8 @@ def listed(items: Iterable[object], most: int) -> str:
 def counted(count: int, noun: str) -> str:
     """A number and a noun, which gets an s unless the number is 1.
 
-    Examples:
-        >>> counted(1, "run"), counted(3, "run")
-        ('1 run', '3 runs')
+    >>> counted(1, "run"), counted(3, "run")
+    ('1 run', '3 runs')
     """
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
@@ -68,9 +64,8 @@ def number(value: float | None) -> str:
 def p_text(p: float | None) -> str:
     """A p-value: "p = 0.43", or "p < 0.01" where simulated sets cannot resolve it further.
 
-    Examples:
-        >>> p_text(0.0099), p_text(0.4273)
-        ('p < 0.01', 'p = 0.43')
+    >>> p_text(0.0099), p_text(0.4273)
+    ('p < 0.01', 'p = 0.43')
     """
     if p is None:
         return "p not known"
@@ -80,9 +75,8 @@ def p_text(p: float | None) -> str:
 def probability_text(probability: float) -> str:
     """A posterior probability with two digits, never 0 or 1.
 
-    Examples:
-        >>> probability_text(0.9994), probability_text(0.76)
-        ('> 0.99', '0.76')
+    >>> probability_text(0.9994), probability_text(0.76)
+    ('> 0.99', '0.76')
     """
     if probability > 0.99:
         return "> 0.99"
@@ -90,15 +84,11 @@ def probability_text(probability: float) -> str:
 
 
 def with_interval(value: float | None, low: float | None, high: float | None, unit: str = "") -> str:
-    """A value with its 95 % interval and unit, rounded to two significant digits of the interval.
+    """A value with its 95 % interval and unit, rounded to two significant digits of the interval. What is not known is None; the
+    units "1" and "" are not printed.
 
-    Args:
-        value, low, high: None where not known.
-        unit: "1" and "" are not printed.
-
-    Examples:
-        >>> with_interval(1.18734, 1.1032, 1.2971, "e-")
-        '1.19 [1.10, 1.30] e-'
+    >>> with_interval(1.18734, 1.1032, 1.2971, "e-")
+    '1.19 [1.10, 1.30] e-'
     """
     if value is None:
         return "not known"
@@ -118,9 +108,8 @@ def with_interval(value: float | None, low: float | None, high: float | None, un
 def deviation_text(z: float) -> str:
     """A number of standard deviations, in two digits.
 
-    Examples:
-        >>> [deviation_text(z) for z in (0.517, -14.23, 143.2)]
-        ['0.52', '-14', '140']
+    >>> [deviation_text(z) for z in (0.517, -14.23, 143.2)]
+    ['0.52', '-14', '140']
     """
     return f"{float(f'{z:.2g}'):g}"
 
@@ -128,24 +117,19 @@ def deviation_text(z: float) -> str:
 def share_text(share: float) -> str:
     """A share in per cent, never 0.
 
-    Examples:
-        >>> share_text(0.617), share_text(0.0004)
-        ('62 %', '< 1 %')
+    >>> share_text(0.617), share_text(0.0004)
+    ('62 %', '< 1 %')
     """
     return "< 1 %" if share < 0.005 else f"{share:.0%}".replace("%", " %")
 
 
 def statistic_text(name: str) -> str:
-    """The plain name of a statistic: what is measured, in which frames.
+    """The plain name of a statistic that a comparison's `where` has as "WHAT, FRAMES": what is measured, in which frames.
 
-    Args:
-        name: as a comparison's `where` has it, "WHAT, FRAMES".
-
-    Examples:
-        >>> statistic_text("rows, bias"), statistic_text("dark rows, band 6, dark 2 s 30 C")
-        ('rows in bias frames', 'rows, frequency band 6 in dark frames (2 s, 30 °C)')
-        >>> statistic_text("bias frames, bias"), statistic_text("dark: bit 3 set, dark 8 s")
-        ('level of bias frames', 'how often bit 3 is set in dark frames (8 s)')
+    >>> statistic_text("rows, bias"), statistic_text("dark rows, band 6, dark 2 s 30 C")
+    ('rows in bias frames', 'rows, frequency band 6 in dark frames (2 s, 30 °C)')
+    >>> statistic_text("bias frames, bias"), statistic_text("dark: bit 3 set, dark 8 s")
+    ('level of bias frames', 'how often bit 3 is set in dark frames (8 s)')
     """
     what, _, frames = name.rpartition(", ")
     plain = frames_text(frames) if what else frames
@@ -164,9 +148,8 @@ def statistic_text(name: str) -> str:
 def label_text(label: str) -> str:
     """The plain name of a curve or a map: its frames in plain words, wherever they stand in it.
 
-    Examples:
-        >>> label_text("rows of one frame, flat 800 ph 22 C"), label_text("bias, DN")
-        ('rows of one frame, flat frames (800 photons, 22 °C)', 'bias frames, DN')
+    >>> label_text("rows of one frame, flat 800 ph 22 C"), label_text("bias, DN")
+    ('rows of one frame, flat frames (800 photons, 22 °C)', 'bias frames, DN')
     """
     return ", ".join(frames_text(part) if _FRAMES.fullmatch(part) else part for part in label.split(", "))
 
@@ -174,9 +157,8 @@ def label_text(label: str) -> str:
 def frames_text(label: str) -> str:
     """Frames of one condition in plain words.
 
-    Examples:
-        >>> frames_text("flat 800 ph 22 C")
-        'flat frames (800 photons, 22 °C)'
+    >>> frames_text("flat 800 ph 22 C")
+    'flat frames (800 photons, 22 °C)'
     """
     kind, _, conditions = label.partition(" ")
     if kind not in ("bias", "dark", "flat", "scene"):

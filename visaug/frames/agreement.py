@@ -1,7 +1,5 @@
 """What only the frames of a folder together tell: which are colours of one picture, bodies, settings, ceilings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -24,11 +22,7 @@ def names(rows: Sequence[Row]) -> str:
 
 
 def agreed(rows: list[Row], folder: Path) -> tuple[list[Row], list[str]]:
-    """The rows that are frames of their own, with settings and bit depth as all headers tell them, and notes.
-
-    Raises:
-        InputError: all frames were calibrated already.
-    """
+    """The rows that are frames of their own, with settings and bit depth as all headers tell them, and notes."""
     notes: list[str] = []
     rows = _one_plane(rows, notes)
     rows = _raw(rows, folder, notes)
@@ -111,11 +105,10 @@ def _settings(rows: list[Row], notes: list[str]) -> None:
     filled: set[str] = set()
     for word in _SHARED:
         values = {p[word] for p in parts if word in p}
-        lacking = [p for p in parts if word not in p]
-        if len(values) == 1 and lacking:
+        if len(values) == 1 and not all(word in p for p in parts):
             (value,) = values
             filled.add(f"{word}={value}")
-            for part in lacking:
+            for part in parts:
                 part[word] = value
     if filled:
         notes.append(

@@ -4,11 +4,10 @@ A stored array is mapped into memory. A compressed one is read whole where it is
 their order cost one pass, a step back starts it anew.
 """
 
-from __future__ import annotations
-
 import struct
 import zipfile
 from collections.abc import Callable
+from contextlib import ExitStack
 from math import prod
 from pathlib import Path
 from typing import IO, Any
@@ -25,30 +24,15 @@ MOST_OPEN = 32  # files at a time
 
 
 class ArrayFile:
-    """One array on disk, read in slices along its leading axes.
-
-    Args:
-        path: a .npy or .npz file.
-        key: the array's name in an archive; needed unless it holds one array.
-
-    Raises:
-        InputError: missing, truncated, without that key, or not an array of numbers.
-    """
+    """One array in a .npy or .npz file, read in slices along its leading axes; `key` chooses among several in an archive."""
 
     def __init__(self, path: Path, key: str | None = None) -> None:
         self.path, self.key = path, key
-        self._handle: IO[bytes] | None = None
-        self._archive: zipfile.ZipFile | None = None
         self._whole: np.ndarray | None = None
         self._stored: np.ndarray | None = None
-        self._data_start = 0
-        self._compressed = False
-        with readable(path, "truncated, or not an array"):
-            try:
-                self._open()
-            except Exception:
-                self.close()
-                raise
+        with readable(path, "truncated, or not an array"), ExitStack() as opened:
+            self._open(opened)
+            self.close = opened.pop_all().close
 
     def read(self, index: Index) -> np.ndarray:
         """The sub-array at `index`, for instance one frame."""
@@ -74,32 +58,25 @@ class ArrayFile:
     def held_bytes(self) -> int:
         return 0 if self._whole is None else self._whole.nbytes
 
-    def close(self) -> None:
-        for thing in (self._handle, self._archive):
-            if thing is not None:
-                thing.close()
-
-    def _open(self) -> None:
+    def _open(self, opened: ExitStack) -> None:
+        start, compressed = 0, False
+        handle: IO[bytes]
         if self.path.suffix.lower() == ".npz":
-            self._archive = zipfile.ZipFile(self.path)
-            names = [n for n in self._archive.namelist() if n.endswith(".npy")]
-            self.key = chosen_array([n.removesuffix(".npy") for n in names], self.key, self.path, "array")
-            member = self._archive.getinfo(f"{self.key}.npy")
-            self._compressed = member.compress_type != zipfile.ZIP_STORED
-            if self._compressed:
-                self._handle = self._archive.open(member)
-                start = 0
+            archive = opened.enter_context(zipfile.ZipFile(self.path))
+            self.key = chosen_array(_names_in(archive), self.key, self.path, "array")
+            member = archive.getinfo(f"{self.key}.npy")
+            compressed = member.compress_type != zipfile.ZIP_STORED
+            if compressed:
+                handle = opened.enter_context(archive.open(member))
             else:
-                check_sum(self._archive, member, self.path)
-                self._handle = open(self.path, "rb")  # noqa: SIM115 - kept open
-                start = _data_offset(self._handle, member)
-                self._handle.seek(start)
+                check_sum(archive, member, self.path)
+                handle = opened.enter_context(self.path.open("rb"))
+                start = _data_offset(handle, member)
+                handle.seek(start)
             end = start + member.file_size
         else:
-            self._handle = open(self.path, "rb")  # noqa: SIM115 - kept open
-            end = self.path.stat().st_size
-        handle = self._handle
-        form = np.lib.format
+            handle, end = opened.enter_context(self.path.open("rb")), self.path.stat().st_size
+        self._handle, form = handle, np.lib.format
         old = form.read_magic(handle) == (1, 0)
         read_header = form.read_array_header_1_0 if old else form.read_array_header_2_0
         self.shape, self._fortran, self.dtype = read_header(handle)
@@ -111,13 +88,12 @@ class ArrayFile:
         check_shape(self.shape if self._fortran else self.shape[-2:], self.path)
         if self._data_start + prod(self.shape) * self.dtype.itemsize > end:
             raise ValueError(f"its header claims the shape {self.shape}, which is more than it holds")
-        if not self._compressed:
+        if not compressed:
             order = "F" if self._fortran else "C"
             self._stored = np.memmap(self.path, self.dtype, "r", self._data_start, self.shape, order)
-            self.close()
+            opened.close()
 
     def _bytes(self, offset: int, count: int) -> np.ndarray:
-        assert self._handle is not None
         size = count * self.dtype.itemsize
         try:
             self._handle.seek(self._data_start + offset * self.dtype.itemsize)
@@ -168,23 +144,24 @@ def arrays_in(path: Path) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
     if path.suffix.lower() in hdf5.SUFFIXES:
         with hdf5.open_hdf5(path) as held:
             return hdf5.data_sets(held)
-    if path.suffix.lower() == ".npy":
-        keys: list[str | None] = [None]
-    else:
+    keys = [""]
+    if path.suffix.lower() != ".npy":
         with readable(path, "truncated, or not an archive"), zipfile.ZipFile(path) as archive:
-            keys = [n.removesuffix(".npy") for n in archive.namelist() if n.endswith(".npy")]
+            keys = _names_in(archive)
     found = []
     for key in keys:
-        file = ArrayFile(path, key)
-        found.append((key or "", file.shape, {}))
+        file = ArrayFile(path, key or None)
+        found.append((key, file.shape, {}))
         file.close()
     return found
 
 
+def _names_in(archive: zipfile.ZipFile) -> list[str]:
+    return [n.removesuffix(".npy") for n in archive.namelist() if n.endswith(".npy")]
+
+
 def _data_offset(handle: IO[bytes], member: zipfile.ZipInfo) -> int:
-    """Where a stored member's bytes begin: behind its local header, whose lengths may differ from the
-    directory's.
-    """
+    """Where a stored member's bytes begin: behind its local header, whose lengths may differ from the directory's."""
     handle.seek(member.header_offset)
     fields = struct.unpack("<4s5H3I2H", handle.read(30))
     if fields[0] != b"PK\x03\x04":
@@ -196,9 +173,8 @@ _checked: set[tuple] = set()  # members whose checksum was right, by file, size,
 
 
 def check_sum(archive: zipfile.ZipFile, member: zipfile.ZipInfo, path: Path) -> None:
-    """Refuse a stored member whose bytes do not match its checksum: zipfile checks only what it reads itself.
-
-    A member is read through once for each state of its file.
+    """Refuse a stored member whose bytes do not match its checksum, once for each state of its file: zipfile checks only what it
+    reads itself.
     """
     status = path.stat()
     known = (path.resolve(), status.st_size, status.st_mtime_ns, member.filename)

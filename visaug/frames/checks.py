@@ -1,7 +1,5 @@
 """Checks of one frame as it is read, and of a whole set in one pass over its pixels."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -76,7 +74,7 @@ def check_frame(record: FrameRecord, pixels: np.ndarray) -> None:
             raise InputError(problem, file=record.file, expected="raw frames, nothing subtracted")
 
 
-def check(frames: FrameSet) -> list[str]:
+def check(frames: "FrameSet") -> list[str]:
     """Named warnings, each ``name: sentence``; an empty list where nothing is suspicious.
 
     ``duplicate_frames``, ``constant_frame``, ``saturated_flat``, ``clipped_at_zero``, ``bias_saw_light``,
@@ -93,9 +91,8 @@ def check(frames: FrameSet) -> list[str]:
         means[i], spreads[i] = frame.mean(dtype=np.float64), frame.std(dtype=np.float64)
         hashes.setdefault(hashlib.blake2b(frame.tobytes(), digest_size=16).digest(), []).append(i)
         largest = frame.max()
-        if record.kind == "flat" and (frame == largest).mean() > (
-            SATURATED_SHARE if largest == top else PILED_SHARE if spreads[i] > 0 else np.inf
-        ):
+        piled = SATURATED_SHARE if largest == top else PILED_SHARE if spreads[i] > 0 else np.inf
+        if record.kind == "flat" and (frame == largest).mean() > piled:
             saturated.append(i)
         elif spreads[i] == 0 and record.kind != "image":
             constant.append(i)
@@ -110,13 +107,12 @@ def check(frames: FrameSet) -> list[str]:
     found = []
     if copies:
         listed = first_of(copies, 4, "; ") + (" such groups" if len(copies) > 4 else "")
-        found.append(
-            f"duplicate_frames: frames {listed} are identical to the last bit: copies, not exposures"
-        )
+        what = "are identical to the last bit: copies, not exposures"
+        found.append(f"duplicate_frames: frames {listed} {what}")
     if constant:
         values = sorted({float(means[i]) for i in constant})
-        listed = f"{values[0]:.10g} DN" if len(values) == 1 else f"{values[0]:.10g} to {values[-1]:.10g} DN"
-        found.append(f"constant_frame: frames {name(constant)} have one value in all pixels ({listed})")
+        listed = " to ".join(f"{value:.10g}" for value in dict.fromkeys([values[0], values[-1]]))
+        found.append(f"constant_frame: frames {name(constant)} have one value in all pixels ({listed} DN)")
     if saturated:
         found.append(
             f"saturated_flat: more than {SATURATED_SHARE:.1%} of the pixels of flats {name(saturated)} are "
@@ -141,7 +137,7 @@ def check(frames: FrameSet) -> list[str]:
     return found
 
 
-def _lit_bias(frames: FrameSet, means: np.ndarray, spreads: np.ndarray) -> list[int]:
+def _lit_bias(frames: "FrameSet", means: np.ndarray, spreads: np.ndarray) -> list[int]:
     """Bias frames far above the others of their group, or a whole group above the shortest darks like it.
 
     Far: 6 robust standard deviations of the frame means and a quarter of a frame's own pixel spread, so that a drift of the

@@ -1,14 +1,12 @@
 """Folders of dark frames that nothing but their names tells: ``dark_00.png``, ``dark_01.png``."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from visaug.frames.names import facts_of_name
+from visaug.frames.names import kind_of_name
 from visaug.frames.pixels import split_name
 from visaug.frames.record import FrameRecord
 
@@ -18,14 +16,11 @@ if TYPE_CHECKING:
 
 def named_kinds(records: Sequence[FrameRecord]) -> list[str | None]:
     """The kind that each frame's path names, None where it names none."""
-    return [facts_of_name(split_name(record.file)[0]).get("kind") for record in records]
+    return [kind_of_name(split_name(record.file)[0]) for record in records]
 
 
-def as_dark(frames: FrameSet) -> list[FrameRecord] | None:
-    """Pictures as dark frames, where every name says so and no frame shows a scene; None elsewhere.
-
-    Their exposure is given as 0, which stands for the shortest one.
-    """
+def as_dark(frames: "FrameSet") -> list[FrameRecord] | None:
+    """Pictures as dark frames, of exposure 0, where every name says so and no frame shows a scene; None elsewhere."""
     records = frames.records
     kinds = named_kinds(records)
     if len(records) < 2 or not set(kinds) <= {"dark", "bias"} or any(r.kind != "image" for r in records):
@@ -47,12 +42,8 @@ def shows_a_scene(frame: np.ndarray) -> bool | None:
         return None
     part = frame[:rows, :columns].astype(np.float64)
     blocks = part.reshape(rows // block, block, columns // block, block).transpose(0, 2, 1, 3)
-    blocks = (
-        blocks
-        - blocks.mean(3, keepdims=True)
-        - blocks.mean(2, keepdims=True)
-        + blocks.mean((2, 3), keepdims=True)
-    )
+    of_rows, of_columns = blocks.mean(3, keepdims=True), blocks.mean(2, keepdims=True)
+    blocks = blocks - of_rows - of_columns + blocks.mean((2, 3), keepdims=True)
     cell = 4  # px
     cells = blocks.reshape(*blocks.shape[:2], block // cell, cell, block // cell, cell).mean((3, 5))
     inner = blocks - np.repeat(np.repeat(cells, cell, 2), cell, 3)

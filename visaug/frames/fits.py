@@ -1,7 +1,5 @@
 """FITS: the images of a file, their headers and their pixels."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections.abc import Iterator
@@ -13,7 +11,7 @@ import numpy as np
 
 from visaug.core.errors import InputError, readable
 from visaug.core.extras import extra
-from visaug.frames.keywords import header_facts
+from visaug.frames.keywords import Header
 from visaug.frames.layout import layout_of
 from visaug.frames.limits import check_shape, outside
 
@@ -25,9 +23,6 @@ def fits_frames(path: Path) -> list[tuple[str, dict[str, Any]]]:
     """Every frame of a file as (name behind ``#``, facts of its header); a plain file has one, named ``""``.
 
     The slices of a cube are ``[0]``, ``[1]``; the images of several extensions carry the extension's name.
-
-    Raises:
-        InputError: not readable, without an image, or a header whose cells make no sense.
     """
     found = []
     with _opened(path) as units:
@@ -35,11 +30,10 @@ def fits_frames(path: Path) -> list[tuple[str, dict[str, Any]]]:
         for unit in images:
             key = "" if len(images) == 1 else _name(unit, units)
             header = _whole_header(units, unit)
-            facts = header_facts(header, {c.keyword: c.comment for c in header.cards}, path)
+            facts = Header(header, {c.keyword: c.comment for c in header.cards}, path).facts()
             facts["colour"] = _colour(header, unit.shape)
             if key:
                 facts["setting"] = " ".join(filter(None, (facts.get("setting"), f"AMP={key}")))
-                facts["amplifier"] = key
             layout_of(header, unit.shape).tell(facts)
             if len(unit.shape) == 2 or unit.shape[:-2] == (1,):
                 found.append((key, facts))
@@ -53,10 +47,7 @@ def fits_frames(path: Path) -> list[tuple[str, dict[str, Any]]]:
 def read_fits(path: Path, key: str | None, index: tuple[int, ...]) -> np.ndarray:
     """Pixels of one image, scaled by BZERO and BSCALE, overscan cut off, in the detector's directions.
 
-    Args:
-        path: the file.
-        key: name or number of the extension; needed where several hold images.
-        index: which slice of a cube.
+    `key` is the name or number of the extension, needed where several hold images; `index` chooses a slice of a cube.
     """
     with _opened(path) as units:
         images = _images(units, path)
@@ -89,10 +80,8 @@ def _opened(path: Path) -> Iterator[Any]:
 
 def _images(units: Any, path: Path) -> list[Any]:
     """The units that hold frames: no masks, uncertainties, tables or thumbnails in colour."""
-    pictures = (
-        u for u in units if u.is_image and u.header.get("NAXIS", 0) >= 2 and all(n > 0 for n in u.shape)
-    )
-    found = [u for u in pictures if u.name.upper() not in _NO_FRAMES]
+    pictures = (u for u in units if u.is_image and u.name.upper() not in _NO_FRAMES)
+    found = [u for u in pictures if u.header.get("NAXIS", 0) >= 2 and all(n > 0 for n in u.shape)]
     if not found:
         raise InputError("holds no image", file=path)
     return found

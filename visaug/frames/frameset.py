@@ -1,7 +1,5 @@
 """A set of frames: acquisition conditions, order, and pixels that are read on demand."""
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
 from pathlib import Path
@@ -55,7 +53,7 @@ class FrameSet:
         self.loaded_from: Path | None = None
 
     @classmethod
-    def of(cls, source: FrameSet | str | Path, resolution: Sequence[int] | None = None) -> FrameSet:
+    def of(cls, source: "FrameSet | str | Path", resolution: Sequence[int] | None = None) -> "FrameSet":
         """The frame set itself, or the one at a path.
 
         Raises:
@@ -72,7 +70,7 @@ class FrameSet:
         *,
         byte_order: str | None = None,
         bits_at: str | None = None,
-    ) -> FrameSet:
+    ) -> "FrameSet":
         """Loads the frame set at `path`. Pixels are read on demand.
 
         Args:
@@ -87,8 +85,7 @@ class FrameSet:
             InputError: there are no frames at `path`, or their description is not valid.
         """
         if not isinstance(path, str | Path):
-            problem = f"{type(path).__name__} is not a frame set"
-            expected = "a FrameSet, or the path of one"
+            problem, expected = f"{type(path).__name__} is not a frame set", "a FrameSet, or the path of one"
             raise InputError(problem, field="frames", expected=expected)
         path = Path(path)
         kind, root, files = sources.find(path)
@@ -130,7 +127,7 @@ class FrameSet:
         frames: np.ndarray | Sequence[np.ndarray],
         cleans: Mapping[str, np.ndarray] | None = None,
         bit_depth: int | None = None,
-    ) -> FrameSet:
+    ) -> "FrameSet":
         """Makes a frame set from arrays in memory.
 
         Args:
@@ -202,9 +199,8 @@ class FrameSet:
         for n, i in enumerate(indices[1:], start=1):
             frame = self._store.numbers(self._positions[i])
             if frame.shape != first.shape:
-                raise other_size(
-                    self.records[i].file, frame, first.shape, f" as {self.records[indices[0]].file}"
-                )
+                whose = f" as {self.records[indices[0]].file}"
+                raise other_size(self.records[i].file, frame, first.shape, whose)
             if frame.dtype != stack.dtype:
                 stack = stack.astype(np.float32)
             stack[n] = frame
@@ -214,9 +210,8 @@ class FrameSet:
         """Noiseless target of scene `i`, (H, W) float32 in photons per pixel, read-only."""
         if self.records[i].clean is None:
             expected = "the file of the scene in photons per pixel, .npy or float TIFF"
-            raise InputError(
-                "has no noiseless target", file=self.records[i].file, field="clean", expected=expected
-            )
+            file = self.records[i].file
+            raise InputError("has no noiseless target", file=file, field="clean", expected=expected)
         return self._store.clean(self._positions[i])
 
     def shape(self, i: int) -> tuple[int, int]:
@@ -233,17 +228,17 @@ class FrameSet:
             self._groups = group_records(self.records)
         return self._groups
 
-    def subset(self, indices: Iterable[int]) -> FrameSet:
+    def subset(self, indices: Iterable[int]) -> "FrameSet":
         """Returns the frames at these positions as a new set, in order of acquisition. Pixels are shared."""
         indices = list(indices)
         records, positions = [self.records[i] for i in indices], [self._positions[i] for i in indices]
         return FrameSet(records, self._store, positions, self.warnings)
 
-    def with_records(self, records: Sequence[FrameRecord]) -> FrameSet:
+    def with_records(self, records: Sequence[FrameRecord]) -> "FrameSet":
         """Returns the same pixels with other records, one per frame in the same order."""
         return FrameSet(records, self._store, self._positions, self.warnings)
 
-    def assuming_bits(self, bit_depth: int) -> FrameSet:
+    def assuming_bits(self, bit_depth: int) -> "FrameSet":
         """Returns the frames with a converter of `bit_depth` bits, if 16-bit files do not state the bit depth."""
         if self.told_bits is not None or self.bit_depth != 16 or bit_depth >= 16:
             return self

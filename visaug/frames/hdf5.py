@@ -1,8 +1,7 @@
 """Data sets in HDF5 files, one frame at a time (extra `raw`), and arrays of MATLAB files, which are HDF5 from version 7.3 on."""
 
-from __future__ import annotations
-
 from contextlib import suppress
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -48,12 +47,11 @@ def _shape(data_set: Any) -> tuple[int, ...]:
 def is_old_mat(path: Path) -> bool:
     """Whether a file is MATLAB's and not HDF5, whose mark may follow a block of the user's own (MATLAB 7.3: 512 bytes)."""
     content = b""
-    with suppress(OSError):
-        if path.suffix.lower() == ".mat":
-            with open(path, "rb") as handle:
-                content = handle.read(520)
-    is_hdf5 = b"\x89HDF\r\n\x1a\n" in (content[:8], content[512:520])
-    return path.suffix.lower() == ".mat" and not is_hdf5
+    if path.suffix.lower() != ".mat":
+        return False
+    with suppress(OSError), open(path, "rb") as handle:
+        content = handle.read(520)
+    return b"\x89HDF\r\n\x1a\n" not in (content[:8], content[512:520])
 
 
 def open_hdf5(path: Path) -> Any:
@@ -70,9 +68,8 @@ def data_sets(file: Any) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
     def visit(name: str, thing: Any) -> None:
         if hasattr(thing, "dtype") and thing.dtype.kind in "uif" and len(thing.shape) >= 2:
             attributes = dict(file.attrs)
-            parts = name.split("/")
-            for n in range(1, len(parts) + 1):
-                attributes.update(file["/".join(parts[:n])].attrs)
+            for part in accumulate(name.split("/"), "{}/{}".format):
+                attributes.update(file[part].attrs)
             found.append((name, _shape(thing), {k: _plain(v) for k, v in attributes.items()}))
 
     file.visititems(visit)
@@ -114,6 +111,5 @@ def mat_arrays(path: Path) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
     with readable(path, "truncated, or not a MATLAB file"):
         found = scipy.io.whosmat(path)
     numeric = [n for n in found if len(n[1]) >= 2 and n[2].startswith(("uint", "int", "single", "double"))]
-    return [
-        (name, tuple(map(int, shape)), {}) for name, shape, _ in numeric if min(shape) > 1 or len(shape) > 2
-    ]
+    no_lines = [n for n in numeric if min(n[1]) > 1 or len(n[1]) > 2]
+    return [(name, tuple(map(int, shape)), {}) for name, shape, _ in no_lines]

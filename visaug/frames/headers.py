@@ -1,7 +1,5 @@
 """Conditions of frames from the headers of files of every format, without reading the pixels."""
 
-from __future__ import annotations
-
 import json
 import re
 from contextlib import suppress
@@ -12,25 +10,20 @@ from typing import Any
 import numpy as np
 
 from visaug.core.errors import InputError, readable
-from visaug.frames import fits, pixels, ser, xisf
+from visaug.frames import fits, pixels, portable, ser, xisf
 from visaug.frames.arrays import arrays_in
 from visaug.frames.limits import opened_tiff, pillow_image
-from visaug.frames.names import facts_of_name, kind_of
+from visaug.frames.names import kind_of, read_name
 from visaug.frames.photo import describe_photo
 
 Facts = dict[str, Any]
 
 
 def frames_of(path: Path) -> list[tuple[str, Facts]]:
-    """Every frame of a file as (name behind ``#``, facts); ``""`` where the file is one frame.
-
-    Raises:
-        InputError: not readable.
-    """
+    """Every frame of a file as (name behind ``#``, facts); ``""`` where the file is one frame."""
     suffix = pixels.suffix_of(path)
-    if suffix == ".pgm":
-        return [("", {"bit_depth": pixels.bits_of_file(path)})]
     for suffixes, read in (
+        ((".pgm",), lambda path: [("", {"bit_depth": portable.pgm_bits(path)})]),
         (pixels.FITS, fits.fits_frames),
         ((xisf.SUFFIX,), xisf.xisf_frames),
         ((ser.SUFFIX,), ser.ser_frames),
@@ -64,9 +57,8 @@ def _tiff(path: Path) -> list[tuple[str, Facts]]:
         return [("", facts)]
     found = []
     for index in np.ndindex(*(n for _, n in outer)):
-        channels = [
-            f"CHANNEL={i}" for i, (axis, n) in zip(index, outer, strict=True) if axis == "C" and n > 1
-        ]
+        places = zip(index, outer, strict=True)
+        channels = [f"CHANNEL={i}" for i, (axis, n) in places if axis == "C" and n > 1]
         setting = " ".join(filter(None, (facts.get("setting"), *channels)))
         found.append((f"[{','.join(map(str, index))}]", facts | ({"setting": setting} if setting else {})))
     return found
@@ -91,8 +83,10 @@ def _tags(page: Any) -> dict[str, Any]:
 def _photo(path: Path) -> list[tuple[str, Facts]]:
     """A raw photograph: exposure and ISO from EXIF (most raw formats are TIFF files), mosaic and bits from the raw data."""
     facts: Facts = {}
-    # a format of its own (CR3): its EXIF cannot be read, the rest can
-    with suppress(Exception), opened_tiff(path) as file:
+    with (
+        suppress(Exception),
+        opened_tiff(path) as file,
+    ):  # EXIF of CR3, a format of its own, cannot be read; the rest can
         facts = _exif(_tags(file.pages[0]))
     return [("", {**facts, **describe_photo(path)})]
 
@@ -131,10 +125,8 @@ def _exif(tags: dict[str, Any]) -> Facts:
 
 def _ratio(value: Any) -> float | None:
     try:
-        if isinstance(value, tuple):
-            return round(value[0] / value[1], 12)
-        return None if value is None else float(value)
-    except (TypeError, ValueError, ZeroDivisionError, IndexError):
+        return round(value[0] / value[1], 12) if isinstance(value, tuple) else float(value)
+    except (TypeError, ValueError, ZeroDivisionError, IndexError):  # None among others
         return None
 
 
@@ -160,7 +152,7 @@ def _arrays(path: Path) -> list[tuple[str, Facts]]:
     arrays = arrays_in(path)
     last = _time_is_last([shape for _, shape, _ in arrays])
     for key, shape, attributes in arrays:
-        facts = facts_of_name(key) if key else {}
+        facts = read_name(key).facts if key else {}
         for name in ("exposure_s", "temperature_c", "gain_db", "photons", "bit_depth"):
             if (value := _ratio(attributes.get(name))) is not None:
                 facts[name] = int(value) if name == "bit_depth" else value

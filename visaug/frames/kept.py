@@ -1,7 +1,5 @@
 """Decoded frames, kept in a temporary file: a set is read several times, and a compressed one is decoded once."""
 
-from __future__ import annotations
-
 import math
 import os
 import tempfile

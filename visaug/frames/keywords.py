@@ -5,8 +5,6 @@ TRIMSEC, BIASSEC, ZEROCOR), of ESO (DPR TYPE), LSST (IMGTYPE) and of amateur pro
 GAIN, OFFSET, READOUTM, BAYERPAT, ROWORDER, CCD-TEMP, CALSTAT, BLKLEVEL).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -44,20 +42,8 @@ _NO_CODES = re.compile(
 _PER_DN = re.compile(r"(?:e-?|electrons?)\s*(?:/|per)\s*(?:adu|dn|count)", re.IGNORECASE)
 
 
-def header_facts(header: Mapping[str, Any], comments: Mapping[str, str], path: Path) -> dict[str, Any]:
-    """Facts by the fields of `FrameRecord`.
-
-    Beside them ``words`` (the keyword that gave each field), ``said`` (what was assumed, by its word), ``body`` (which
-    camera), ``calibrated`` (the keyword that says so), ``ceiling`` (the largest value, DN).
-
-    Raises:
-        InputError: an exposure or another number that is none.
-    """
-    return _Header(header, comments, path).facts()
-
-
 @dataclass
-class _Header:
+class Header:
     """The keywords of one header, and what was said and assumed while they were read."""
 
     header: Mapping[str, Any]
@@ -67,17 +53,22 @@ class _Header:
     said: dict[str, str] = field(default_factory=dict)
 
     def facts(self) -> dict[str, Any]:
+        """Facts by the fields of `FrameRecord`.
+
+        Beside them ``words`` (the keyword that gave each field), ``said`` (what was assumed, by its word), ``body`` (which
+        camera), ``calibrated`` (the keyword that says so), ``ceiling`` (the largest value, DN).
+        """
         text = self.text
         facts: dict[str, Any] = {"words": self.words, "said": self.said}
-        kinds = [name for name in _KIND if text(name)]
-        chosen = next((name for name in kinds if kind_of(text(name))), kinds[0] if kinds else "")
-        kind_text = text(chosen) if chosen else ""
-        facts.update(kind=kind_of(kind_text), kind_text=kind_text)
-        if facts["kind"]:
-            self.words["kind"] = f"{chosen} {kind_text}"
-        told = {f"{name} = {text(name)}": kind for name in kinds if (kind := kind_of(text(name)))}
+        said = {name: text(name) for name in _KIND if text(name)}
+        told = {name: kind for name in said if (kind := kind_of(said[name]))}
+        chosen = next(iter(told or said), "")
+        facts["kind"] = told.get(chosen)
+        if told:
+            self.words["kind"] = f"{chosen} {said[chosen]}"
         if len(set(told.values())) > 1:
-            self.said["kind_contradicted"] = f"{', '.join(told)}: the first counts"
+            listed = ", ".join(f"{name} = {said[name]}" for name in told)
+            self.said["kind_contradicted"] = f"{listed}: the first counts"
         facts["exposure_s"] = self.exposure()
         facts["temperature_c"] = self.temperature()
         facts["gain_db"] = self.number("gain_db", "GAIN_DB", "GAINDB")
@@ -86,7 +77,7 @@ class _Header:
         if facts["kind"] in ("flat", "scene"):
             facts["filter"] = next(filter(None, map(text, _FILTER)), None)
         count = self.number("combined", *_COMBINED)
-        facts["combined"] = int(count) if count and count > 1 else 0 if is_master(kind_text) else 1
+        facts["combined"] = int(count) if count and count > 1 else 0 if is_master(said.get(chosen, "")) else 1
         bits = self.number("bit_depth", *_BITS)
         facts["bit_depth"] = int(bits) if bits else None
         ceilings = (number_or_none(self.header.get(name)) for name in _CEILING)

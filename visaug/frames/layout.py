@@ -1,7 +1,5 @@
 """Which pixels of a stored image see light, where they lie on the detector, and the colours of their mosaic."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,21 +17,13 @@ _PATTERN = ("BAYERPAT", "COLORTYP", "CFAPAT")
 
 @dataclass(frozen=True)
 class Layout:
-    """How the pixels of one stored image become a frame.
+    """How the pixels of one stored image become a frame."""
 
-    Attributes:
-        kept: rows and columns that see light, None for all.
-        overscan: what the header says of the others, ``""`` for nothing.
-        flipped: whether rows, columns run against the detector's (a DETSEC that falls).
-        window: where the frame lies on the detector, None where it is all of it.
-        bayer: colours at the frame's own pixel (0, 0), None for a monochrome sensor.
-    """
-
-    kept: Window | None
-    overscan: str
-    flipped: tuple[bool, bool]
-    window: Window | None
-    bayer: str | None
+    kept: Window | None  # rows and columns that see light, None for all
+    overscan: str  # what the header says of the others, "" for nothing
+    flipped: tuple[bool, bool]  # whether rows, columns run against the detector's (a DETSEC that falls)
+    window: Window | None  # where the frame lies on the detector, None where it is all of it
+    bayer: str | None  # colours at the frame's own pixel (0, 0), None for a monochrome sensor
 
     def tell(self, facts: dict[str, Any]) -> None:
         """Adds window, colours and what is cut off to the facts of a header."""
@@ -93,9 +83,8 @@ def _rest(dark: Window, rows: int, columns: int) -> Window | None:
     if r1 > rows or c1 > columns:
         return None
     parts = [(0, rows, 0, c0), (0, rows, c1, columns)] if c1 - c0 < columns and 2 * (r1 - r0) > rows else []
-    parts += (
-        [(0, r0, 0, columns), (r1, rows, 0, columns)] if r1 - r0 < rows and 2 * (c1 - c0) > columns else []
-    )
+    if r1 - r0 < rows and 2 * (c1 - c0) > columns:
+        parts += [(0, r0, 0, columns), (r1, rows, 0, columns)]
     parts.sort(key=lambda p: (p[1] - p[0]) * (p[3] - p[2]))
     small = parts[-2] if len(parts) > 1 else (0, 0, 0, 0)
     if not parts or len(parts) > 2 or (small[1] - small[0]) * (small[3] - small[2]) > 0.1 * rows * columns:

@@ -4,8 +4,6 @@ A file of a few bytes can claim any size. Above the limit it is refused before m
 the limit for sensors that are larger.
 """
 
-from __future__ import annotations
-
 import os
 import struct
 import threading
@@ -102,11 +100,8 @@ def lower_limit(pixels: int, expected: str) -> Iterator[None]:
 @contextmanager
 def pillow_image(
     path: Path, formats: tuple[str, ...] = PILLOW_FORMATS, content: IO[bytes] | None = None
-) -> Iterator[Image]:
-    """An opened picture of one of the formats, its size checked and its pixels not yet read.
-
-    `content` takes the place of the file's.
-    """
+) -> "Iterator[Image]":
+    """An opened picture of one of the formats, its size checked and its pixels not yet read; `content` replaces the file's."""
     from PIL import Image
 
     with _pillow:
@@ -122,11 +117,7 @@ def pillow_image(
 
 @contextmanager
 def opened_tiff(path: Path) -> Iterator[Any]:
-    """The `tifffile.TiffFile` of a file.
-
-    Raises:
-        InputError: tifffile is missing, or the file's pages follow one another in a circle.
-    """
+    """The `tifffile.TiffFile` of a file; one whose pages follow one another in a circle is refused."""
     with extra(path):
         import tifffile
 

@@ -3,8 +3,6 @@
 A number that can be read in two ways (``dark_3_2s``: 3.2 s, or frame 3 of 2 s) gives no condition and is named.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -53,9 +51,8 @@ _CAMERA = re.compile(r"(?:asi|zwo|qhy|qhyccd|altair|hypercam|atik|touptek|omegon
 def kind_of(text: str) -> str | None:
     """The kind that `text` names (``Bias Frame``, ``DOME FLAT``, ``zero``), None where it names none.
 
-    Examples:
-        >>> kind_of("Flat Dark"), kind_of("masterbias_2"), kind_of("lamp")
-        ('dark', 'bias', None)
+    >>> kind_of("Flat Dark"), kind_of("masterbias_2"), kind_of("lamp")
+    ('dark', 'bias', None)
     """
     found = kind_and_word(text)
     return found[0] if found else None
@@ -63,12 +60,7 @@ def kind_of(text: str) -> str | None:
 
 @lru_cache(1000)
 def kind_and_word(text: str, offset_is_kind: bool = True) -> tuple[str, str] | None:
-    """The kind that `text` names and the word that names it.
-
-    Args:
-        text: of a header, a cell or a name.
-        offset_is_kind: whether the word ``offset`` stands for a bias frame.
-    """
+    """The kind that `text` names and the word that names it; `offset_is_kind`: the word ``offset`` stands for a bias frame."""
     words = words_of(text)
     for kind, pattern in _KIND_WORDS:
         for word in words:
@@ -90,12 +82,8 @@ def words_of(text: str) -> list[str]:
 
 @dataclass
 class Named:
-    """What a name tells.
-
-    Attributes:
-        facts: conditions by the fields of `FrameRecord`; unknown ones are absent.
-        words: the part of the name that gave a condition, by field.
-        unclear: parts that can be read in two ways.
+    """What a name tells: conditions by the fields of `FrameRecord`, unknown ones absent; the parts of the name that gave them; and
+    parts that can be read in two ways.
     """
 
     facts: dict[str, Any] = field(default_factory=dict)
@@ -106,22 +94,15 @@ class Named:
         self.facts[name], self.words[name] = value, word
 
 
-def facts_of_name(name: str) -> dict[str, Any]:
-    """Conditions by the fields of `FrameRecord`, from a relative path; unknown ones are absent.
-
-    The file's own name wins over its folder's, the nearer folder over the farther. A minus sign counts where no
-    letter or digit stands before it: ``dark_-10C`` is below zero; of ``dark-10C``, where the sign may be a dash,
-    no temperature is read.
-
-    Examples:
-        >>> facts_of_name("darks/2s_-10C/003.fits")
-        {'kind': 'dark', 'exposure_s': 2.0, 'temperature_c': -10.0}
-    """
-    return read_name(name).facts
-
-
 def read_name(name: str) -> Named:
-    """The same with the words that gave the conditions, and those that gave none."""
+    """What a relative path tells. The file's own name wins over its folder's, the nearer folder over the farther.
+
+    A minus sign counts where no letter or digit stands before it: ``dark_-10C`` is below zero; of ``dark-10C``, where the sign may
+    be a dash, no temperature is read.
+
+    >>> read_name("darks/2s_-10C/003.fits").facts
+    {'kind': 'dark', 'exposure_s': 2.0, 'temperature_c': -10.0}
+    """
     parts = _parts(name)
     found = Named()
     if kind := _kind(parts):
@@ -138,7 +119,10 @@ def kind_of_name(name: str) -> str | None:
 
 
 def _parts(name: str) -> list[str]:
-    return [*PurePath(name).parent.parts, _stem(PurePath(name).name)]
+    """Folders and the file without its ending, of known ones alone: in ``dark_0.5s.fits.fz`` one dot is a decimal point."""
+    stem = re.sub(r"(\.(fits?|fts|fz|gz|xisf|ser|tiff?|ome|npy|npz|mat|png|jpe?g|raw|h5|hdf5?|dng|cr[23]|nef|arw|pgm|bmp))+$",
+                  "", PurePath(name).name, flags=re.IGNORECASE)  # fmt: skip
+    return [*PurePath(name).parent.parts, stem]
 
 
 def _kind(parts: list[str]) -> tuple[str, str] | None:
@@ -152,19 +136,12 @@ def _kind(parts: list[str]) -> tuple[str, str] | None:
     return None
 
 
-def _stem(file: str) -> str:
-    """``dark_0.5s`` of ``dark_0.5s.fits.fz``: known endings alone are cut, for a dot may be a decimal point."""
-    return re.sub(r"(\.(fits?|fts|fz|gz|xisf|ser|tiff?|ome|npy|npz|mat|png|jpe?g|raw|h5|hdf5?|dng|cr[23]|nef|arw|pgm|bmp))+$",
-                  "", file, flags=re.IGNORECASE)  # fmt: skip
-
-
 def _read_part(found: Named, part: str, is_file: bool) -> None:
     if is_master(part):
         found.facts["combined"] = 0
     part = _TIME.sub(_blank, _DATE.sub(_blank, part))
     if match := _MINUTES.search(part):
-        seconds = 60.0 * int(match[1]) + float(match[2].replace(",", "."))
-        found.take("exposure_s", seconds, match[0])
+        found.take("exposure_s", 60.0 * int(match[1]) + float(match[2].replace(",", ".")), match[0])
     else:
         _first(found, "exposure_s", _EXPOSURE, part, _exposure)
     _first(found, "temperature_c", _TEMPERATURE, part, _celsius)
@@ -179,9 +156,8 @@ def _read_part(found: Named, part: str, is_file: bool) -> None:
         found.take("setting", " ".join(f"{k}={v}" for k, v in settings.items()), part)
 
 
-_Reader = Callable[
-    [re.Match], tuple[float | None, str]
-]  # the value of a match, and the part of the name that gives it
+# the value of a match, and the part of the name that gives it
+_Reader = Callable[[re.Match], tuple[float | None, str]]
 
 
 def _first(found: Named, name: str, pattern: re.Pattern, part: str, read: _Reader) -> None:
@@ -230,8 +206,7 @@ def _number(match: re.Match, before: str) -> tuple[float | None, str, str]:
 
 
 def _exposure(match: re.Match) -> tuple[float | None, str]:
-    before = match.string[: match.start()]
-    value, text, before = _number(match, before)
+    value, text, before = _number(match, match.string[: match.start()])
     if re.search("[a-zµμ]$", before) and not _BEFORE_SECONDS.search(before):
         return None, ""
     return None if value is None else value * SECONDS[match["unit"]], text

@@ -1,7 +1,5 @@
 """Raw photographs (DNG, CR2, CR3, NEF, ARW, ...): the sensor's own values through LibRaw (extra `raw`)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

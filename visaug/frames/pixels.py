@@ -1,7 +1,5 @@
 """One frame's pixels from one file, whatever its format."""
 
-from __future__ import annotations
-
 import os
 import re
 from pathlib import Path
@@ -49,19 +47,9 @@ def suffix_of(path: Path) -> str:
     return Path(path.stem).suffix.lower() + last if last in (".fz", ".gz") else last
 
 
-def bits_of_file(path: Path) -> int | None:
-    """Bits that a file itself states, None for those of its data type: the maximum of a PGM, where it is 2^n - 1."""
-    if suffix_of(path) != ".pgm":
-        return None
-    top = portable.pgm_maximum(path)
-    return None if top in (255, 65535) or top & (top + 1) else top.bit_length()
-
-
 class PixelReader:
-    """Reads frames named relative to a folder, as they are stored: (H, W), integer or float, native byte order.
-
-    Attributes:
-        layout: how .raw files are laid out, see `visaug.frames.raw`.
+    """Reads frames named relative to a folder, as they are stored: (H, W), integer or float, native byte order; `layout` of .raw
+    files is one of `visaug.frames.raw`.
     """
 
     def __init__(self, root: Path, layout: str = "little") -> None:
@@ -72,11 +60,7 @@ class PixelReader:
         return self.root / split_name(name)[0]
 
     def read(self, name: str, raw_shape: tuple[int, int] | None = None) -> np.ndarray:
-        """Pixels of one frame.
-
-        Raises:
-            InputError: missing, truncated or unreadable file, or not one frame.
-        """
+        """Pixels of one frame."""
         file, key, index = split_name(name)
         path = self.root / file
         suffix = suffix_of(path)
@@ -118,9 +102,9 @@ class PixelReader:
         return pixels
 
     def bits(self, name: str) -> int | None:
-        """Bits that the file itself states, see `bits_of_file`."""
+        """Bits that the file itself states; None for those of its data type."""
         path = self.path(name)
-        return bits_of_file(path) if _is_file(path) else None
+        return portable.pgm_bits(path) if suffix_of(path) == ".pgm" and _is_file(path) else None
 
     def dtype(self, name: str) -> np.dtype | None:
         """Type of the stored pixels if the header of the file contains it, else None."""

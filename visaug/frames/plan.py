@@ -1,9 +1,9 @@
 """Which frames to take of a camera, and why."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import count
+from typing import Any
 
 from visaug.core.errors import InputError
 from visaug.core.wording import counted
@@ -58,10 +58,10 @@ def plan_groups(
         expected = "seconds above 0: flats and scenes need light"
         raise InputError(f"{exposure_s:g} is out of range", field="exposure_s", expected=expected)
     most_frames = 100_000  # of one setting
-    for name, count in (("repeats", repeats), ("bias_frames", bias_frames)):
-        if not 2 <= count <= most_frames:
+    for name, frames in (("repeats", repeats), ("bias_frames", bias_frames)):
+        if not 2 <= frames <= most_frames:
             expected = f"2 to {most_frames} frames per setting"
-            raise InputError(f"{count} is out of range", field=name, expected=expected)
+            raise InputError(f"{frames} is out of range", field=name, expected=expected)
     if not temperatures_c or not gains_db or not dark_exposures_s:
         expected = "one or more temperatures, gains and dark exposures"
         raise InputError("a group of the plan has no frames", field="plan", expected=expected)
@@ -71,21 +71,14 @@ def plan_groups(
         expected = f"shares of saturation, of one photon or more, up to {brightest:g}"
         raise InputError(f"{list(levels)}", field="levels", expected=expected)
     groups: list[PlannedGroup] = []
-    warm, base_gain = temperatures_c[0], float(gains_db[0])
-    count = 0
+    degrees = [None if c is None else float(c) for c in temperatures_c]
+    gains = [float(g) for g in gains_db]
+    numbers = count()
 
-    def frame(
-        kind: str,
-        exposure: float,
-        temperature_c: float | None = warm,
-        gain_db: float = base_gain,
-        photons: float | None = None,
-    ) -> FrameRecord:
-        nonlocal count
-        count += 1
-        degrees = None if temperature_c is None else float(temperature_c)
-        name = f"{kind}_{count - 1:04d}{suffix}"
-        return FrameRecord(count - 1, name, kind, float(exposure), degrees, float(gain_db), photons)
+    def frame(kind: str, exposure: float, at: float | None = degrees[0], **more: Any) -> FrameRecord:
+        n = next(numbers)
+        more.setdefault("gain_db", gains[0])
+        return FrameRecord(n, f"{kind}_{n:04d}{suffix}", kind, float(exposure), at, **more)
 
     def add(name: str, how: str, tells: str, lost: str, records: list[FrameRecord]) -> None:
         groups.append(PlannedGroup(name, how, tells, lost, tuple(records)))
@@ -103,7 +96,7 @@ def plan_groups(
         f"lens capped, {len(dark_exposures_s)} exposures at {counted(len(temperatures_c), 'temperature')}",
         "dark current and its temperature law, its non-uniformity, hot pixels, glow, random telegraph noise",
         "dark current; with a single temperature its temperature coefficient",
-        [frame("dark", t, c) for c in temperatures_c for t in dark_exposures_s for _ in range(repeats)],
+        [frame("dark", t, c) for c in degrees for t in dark_exposures_s for _ in range(repeats)],
     )
     add(
         "flats",
@@ -127,7 +120,7 @@ def plan_groups(
         "all effects between neighbouring pixels and consecutive frames",
         [frame(kind, exposure_s) for _ in range(2 * repeats) for kind in ("scene", "dark")],
     )
-    if len(gains_db) > 1:
+    if gains[1:]:
         add(
             "gain ladder",
             "bias frames and one flat level at every gain setting",
@@ -135,7 +128,7 @@ def plan_groups(
             "the dependence on the gain setting; other settings are extrapolated",
             [
                 frame(kind, t, gain_db=g, photons=photons)
-                for g in gains_db[1:]
+                for g in gains[1:]
                 for kind, t, photons in (
                     ("bias", short, None),
                     ("flat", exposure_s, round(0.4 * saturation_photons / 10 ** (g / 20))),
@@ -156,8 +149,7 @@ def plan_groups(
 def default_plan(resolution: Sequence[int] | None = None, **options) -> list[FrameRecord]:
     """The records of the default plan, in order of acquisition; `options` as for `plan_groups`.
 
-    `resolution` (rows, columns) gives every record the window of the whole sensor; left out, the frames are
-    whatever size the camera has.
+    `resolution` (rows, columns) gives every record the window of the whole sensor.
     """
     window = None if resolution is None else (0, int(resolution[0]), 0, int(resolution[1]))
     return [replace(r, window=window) for group in plan_groups(**options) for r in group.records]
@@ -165,14 +157,11 @@ def default_plan(resolution: Sequence[int] | None = None, **options) -> list[Fra
 
 def describe_plan(groups: Sequence[PlannedGroup] | None = None) -> str:
     """The plan as text: what each group determines, what is lost without it."""
-    lines = []
-    for group in groups or plan_groups():
-        lines += [
-            f"{group.name} ({len(group.records)} frames): {group.how}",
-            f"  determines: {group.tells}",
-            f"  lost without it: {group.lost}",
-        ]
-    lines.append(
-        "Keep the focus, the light and the order: `sequence` is the order in which the frames were taken."
-    )
-    return "\n".join(lines)
+    said = [
+        f"{group.name} ({len(group.records)} frames): {group.how}\n"
+        f"  determines: {group.tells}\n"
+        f"  lost without it: {group.lost}"
+        for group in groups or plan_groups()
+    ]
+    order = "Keep the focus, the light and the order: `sequence` is the order in which the frames were taken."
+    return "\n".join([*said, order])

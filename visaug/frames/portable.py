@@ -1,7 +1,5 @@
 """PGM and 16-bit PNG: the stored numbers. Pillow stretches a PGM of another maximum and cuts gray with alpha to 8 bits."""
 
-from __future__ import annotations
-
 import io
 import re
 import struct
@@ -13,23 +11,25 @@ import numpy as np
 from visaug.core.errors import InputError
 from visaug.frames.limits import check_shape
 
+_GAP = rb"(?:\s|#[^\n]*\n)+"
 _HEAD = re.compile(
-    rb"P([25])((?:\s|#[^\n]*\n)+)(\d+)((?:\s|#[^\n]*\n)+)(\d+)((?:\s|#[^\n]*\n)+)(\d{1,5})(?:#[^\n]*\n)?\s"
-)
+    rb"P([25])%b(\d+)%b(\d+)%b(\d{1,5})(?:#[^\n]*\n)?\s" % (_GAP, _GAP, _GAP)
+)  # width, height, maximum
 _HEAD_BYTES = 10_000  # comments included
 
 
-def pgm_maximum(path: Path) -> int:
-    """The largest value that a PGM file may hold, as its head says."""
+def pgm_bits(path: Path) -> int | None:
+    """Bits that a PGM states by its largest value, where that is 2^n - 1 and not all that its data type holds."""
     with open(path, "rb") as handle:
-        return int(_head(handle.read(_HEAD_BYTES), path)[7])
+        top = int(_head(handle.read(_HEAD_BYTES), path)[4])
+    return None if top in (255, 65535) or top & (top + 1) else top.bit_length()
 
 
 def read_pgm(path: Path) -> np.ndarray:
     """(H, W) uint8 or uint16, as stored (Netpbm: P5 with the high byte first, P2 in figures)."""
     content = path.read_bytes()
     head = _head(content[:_HEAD_BYTES], path)
-    width, height, top = int(head[3]), int(head[5]), int(head[7])
+    width, height, top = int(head[2]), int(head[3]), int(head[4])
     check_shape((height, width), path)
     stored = np.dtype(np.uint8 if top < 256 else ">u2")
     if head[1] == b"5":
@@ -50,7 +50,7 @@ def read_pgm(path: Path) -> np.ndarray:
 
 def _head(content: bytes, path: Path) -> re.Match[bytes]:
     head = _HEAD.match(content)
-    if head is None or not 0 < int(head[7]) < 65536 or max(map(len, (head[3], head[5]))) > 9:
+    if head is None or not 0 < int(head[4]) < 65536 or max(map(len, head.group(2, 3))) > 9:
         expected = "P5 or P2 with a maximum of 1 to 65535"
         raise InputError("is no gray PGM picture", file=path, expected=expected)
     return head
@@ -64,10 +64,8 @@ def png_type(path: Path) -> tuple[int, int]:
 
 
 def as_eight_bit_colour(path: Path) -> io.BytesIO:
-    """A 16-bit gray PNG with alpha under the head of an 8-bit one of four channels.
-
-    Both have four bytes a pixel, which is all that PNG's filters depend on: the channels are then the high and the low byte
-    of gray and those of alpha.
+    """A 16-bit gray PNG with alpha under the head of an 8-bit one of four channels: the high and the low byte of gray, and those of
+    alpha. Both have four bytes a pixel, which is all that PNG's filters depend on.
     """
     content = bytearray(path.read_bytes())
     content[24:26] = 8, 6

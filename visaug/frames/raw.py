@@ -5,8 +5,6 @@ follow one another, lowest first) and GigE Vision 1.2 (``Mono10Packed``, ``Mono1
 the low bits of both in the middle one).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -56,11 +54,7 @@ LAYOUTS = {
 
 
 def read_raw(path: Path, shape: tuple[int, int] | None, layout: str) -> np.ndarray:
-    """(H, W) as stored, uint16 (uint8 of ``mono8``); `layout` one of `LAYOUTS`.
-
-    Raises:
-        InputError: no resolution, or a file of another size.
-    """
+    """(H, W) as stored, uint16 (uint8 of ``mono8``); `layout` one of `LAYOUTS`."""
     if shape is None:
         expected = (
             "the camera's rows and columns (--camera), or a region 0:rows,0:columns in frames.csv, which `visaug frames "
@@ -105,9 +99,7 @@ def guess_layout(path: Path, shape: tuple[int, int] | None) -> str:
         groups = data[: len(data) // form.size * form.size].reshape(-1, form.size)
         if name == "mono10packed":
             # Ten bits leave these four free in every middle byte, which noise of twelve bits never does.
-            if (groups[:, 1] & 0b11001100).any():
-                continue
-            return name
+            return best if (groups[:, 1] & 0b11001100).any() else name
         pixels = form.unpack(groups).reshape(-1).astype(np.int64) / 2.0**form.bits
         unlike = float(np.abs(np.diff(pixels)).mean()) if pixels.size > 1 else 0.0
         if unlike < least:

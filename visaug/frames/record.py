@@ -1,7 +1,5 @@
 """What is known of one frame before its pixels are read."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -92,11 +90,9 @@ class FrameRecord:
         if self.window is not None:
             window = self.window
             whole = isinstance(window, Sequence) and all(isinstance(n, Integral) for n in window)
-            is_window = (
-                whole and len(window) == 4 and 0 <= window[0] < window[1] and 0 <= window[2] < window[3]
-            )
-            if not is_window:
-                said = format_window(window) if whole and len(window) == 4 else repr(window)
+            four = whole and len(window) == 4
+            if not (four and 0 <= window[0] < window[1] and 0 <= window[2] < window[3]):
+                said = format_window(window) if four else repr(window)
                 expected = "r0:r1,c0:c1 with 0 <= r0 < r1 and 0 <= c0 < c1"
                 raise InputError(f"{said} is not a window", field="region", expected=expected)
 
@@ -128,9 +124,7 @@ _CONDITIONS = tuple(field.name for field in fields(Group) if field.name != "indi
 
 
 def group_records(records: tuple[FrameRecord, ...]) -> tuple[Group, ...]:
-    """Groups of frames alike in all conditions (every field but order, file, bit depth and time), by first
-    appearance.
-    """
+    """Groups of frames alike in all conditions (every field but order, file, bit depth and time), by first appearance."""
     found: dict[tuple, list[int]] = {}
     for i, record in enumerate(records):
         found.setdefault(tuple(getattr(record, name) for name in _CONDITIONS), []).append(i)

@@ -1,7 +1,5 @@
 """SER video of planetary cameras (Grischa Hahn's format description, version 3): every frame as stored."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -39,8 +37,7 @@ def _head(path: Path) -> tuple[int, int, tuple[int, int, int]]:
 def ser_frames(path: Path) -> list[tuple[str, dict[str, Any]]]:
     """Every frame as (name behind ``#``, facts): mosaic and bits."""
     colour, bits, shape = _head(path)
-    facts = {"bayer": _MOSAICS.get(colour), "bit_depth": bits}
-    return [(f"[{i}]", dict(facts)) for i in range(shape[0])]
+    return [(f"[{i}]", {"bayer": _MOSAICS.get(colour), "bit_depth": bits}) for i in range(shape[0])]
 
 
 def read_ser(path: Path, index: tuple[int, ...]) -> np.ndarray:
@@ -51,7 +48,6 @@ def read_ser(path: Path, index: tuple[int, ...]) -> np.ndarray:
         raise InputError(f"index {list(index)} is outside {shape[0]} frames", file=path, expected=expected)
     if bits <= 8:
         return np.array(np.memmap(path, np.uint8, "r", _HEAD_BYTES, shape)[index[0]])
-    orders = [
-        np.array(np.memmap(path, t, "r", _HEAD_BYTES, shape)[index[0]], np.uint16) for t in ("<u2", ">u2")
-    ]
+    stored = (np.memmap(path, order, "r", _HEAD_BYTES, shape)[index[0]] for order in ("<u2", ">u2"))
+    orders = [np.array(frame, np.uint16) for frame in stored]
     return min(orders, key=lambda frame: float(np.abs(np.diff(frame.astype(np.int64), axis=1)).mean()))

@@ -1,8 +1,4 @@
-"""Folders that describe their frames in their own way: EMVA 1288 descriptors, FITS headers, plain
-pictures.
-"""
-
-from __future__ import annotations
+"""Folders that describe their frames in their own way: EMVA 1288 descriptors, FITS headers, plain pictures."""
 
 import re
 import shlex
@@ -23,9 +19,8 @@ _PLAIN = (*PICTURES, *TIFFS, *PHOTOS, ".npy", ".raw")  # formats of ordinary pic
 _VIDEO = "frames as the sensor gave them: SER, FITS, TIFF or PNG of 16 bits; video is compressed and has a tone curve"
 _OTHERS = (".heic", ".heif", ".webp", ".gif", ".jp2", ".czi", ".nd2", ".lif", ".sif", ".spe")
 # Formats that are not read, and what to write instead.
-_FOREIGN = dict.fromkeys((".avi", ".mp4", ".mov", ".mkv"), _VIDEO) | dict.fromkeys(
-    _OTHERS, "TIFF, PNG or FITS"
-)
+_FOREIGN = dict.fromkeys(_OTHERS, "TIFF, PNG or FITS")
+_FOREIGN |= dict.fromkeys((".avi", ".mp4", ".mov", ".mkv"), _VIDEO)
 
 
 def read_descriptor(
@@ -58,8 +53,7 @@ def read_descriptor(
                 state = ("dark", float(rest.split()[0]) * 1e-9, None)
             elif word == "i" and state is not None:
                 kind, exposure_s, photons = state
-                # The standard's own data sets write Windows paths.
-                file = PureWindowsPath(rest.strip()).as_posix()
+                file = PureWindowsPath(rest.strip()).as_posix()  # as the standard's own data sets write paths
                 # 1e-9 leaves a rounding of 1e-17 that would part equal exposures.
                 records.append(FrameRecord(len(records), file, kind, round(exposure_s, 12), photons=photons))
             elif word == "i" and unknown:
@@ -123,11 +117,10 @@ def _surveyed(folder: Path, files: list[Path], warnings: list[str]) -> list[Fram
 
 
 def read_named(folder: Path, files: list[Path], warnings: list[str]) -> list[FrameRecord] | None:
-    """Records of pictures that a laboratory named (``bias_000.tif``, ``darks/dark_2s_20C_003.tif``); None where the
-    names are those of ordinary pictures.
+    """Records of pictures that a laboratory named (``bias_000.tif``, ``darks/dark_2s_20C_003.tif``): a bias frame is among them, or
+    dark frames and flats. None where the names are those of ordinary pictures.
 
-    Frames of a laboratory are those among which a bias frame is named, or dark frames and flats; those in the folder
-    itself are looked at alone where the whole tree holds more of other pictures.
+    Those in the folder itself are looked at alone where the whole tree holds more of other pictures.
     """
     for chosen in (files, [f for f in files if f.parent == folder]):
         if chosen and _is_laboratory(folder, chosen):
@@ -198,12 +191,9 @@ def _left_out(folder: Path, used: set[Path]) -> list[str]:
     """A warning that names the files in and below a folder that may hold frames and are not looked at; empty for none."""
     found = [f for f in frame_files(folder) if f not in used]
     found += [f for f in sorted(folder.rglob("*")) if f.suffix.lower() in _FOREIGN and f.is_file()]
-    listed = first_of(f.relative_to(folder).as_posix() for f in found)
-    said = (
-        f"files_left_out: {len(found)} files in or below the folder are not read ({listed}); `visaug frames` lists what "
-        "each tells, and a frames.csv decides"
-    )
-    return [said] if found else []
+    count, listed = len(found), first_of(f.relative_to(folder).as_posix() for f in found)
+    said = f"files_left_out: {count} files in or below the folder are not read ({listed}); `visaug frames` lists what each tells, "
+    return [f"{said}and a frames.csv decides"] if found else []
 
 
 def nothing_here(folder: Path, below: int) -> InputError:

@@ -1,8 +1,7 @@
 """Tables that count the frames of a stack along its last axis, or name files whose planes are colours."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,9 +15,8 @@ from visaug.frames.record import FrameRecord
 def counted_along_the_last_axis(
     records: Sequence[FrameRecord], root: Path, warnings: list[str]
 ) -> list[FrameRecord]:
-    """Records of a table whose indices are all those of a stack's last axis, and not of its first, pick along the last.
-
-    Others whose frames then have the same size follow, where the table lists a part of them.
+    """Records of a table whose indices are all those of a stack's last axis, and not of its first, pick along the last, and so do
+    others whose frames then have the same size, where the table lists a part of them.
 
     ``a.npz#dark[0]`` to ``[9]`` of an array (96, 128, 10) are ten frames of 96 x 128, not ten of 128 x 10.
     """
@@ -62,17 +60,12 @@ def of_which_green_is_read(records: Sequence[FrameRecord], root: Path) -> list[s
     files = {file: None for file, _, index in named if not index and suffix_of(root / file) in TIFFS}
     coloured = []
     for file in files:
-        try:
+        with suppress(InputError):  # a file that is not there, or damaged, is named when it is read
             (_, facts), *more = frames_of(root / file)
-        except InputError:
-            continue  # a file that is not there, or damaged, is named when it is read
-        if "colour_planes" in facts.get("said", {}) and not more:
-            coloured.append(file)
+            if "colour_planes" in facts.get("said", {}) and not more:
+                coloured.append(file)
     if not coloured:
         return []
     others = f" and {len(coloured) - 1} other files" if len(coloured) > 1 else ""
-    said = (
-        f"colour_planes: {coloured[0]}{others} of several samples a pixel are read as colours, of which green alone is used. If "
-        f"they are three frames taken in turn, name each in the table: {coloured[0]}#[0]"
-    )
-    return [said]
+    said = f"{coloured[0]}{others} of several samples a pixel are read as colours, of which green alone is used. If they are three "
+    return [f"colour_planes: {said}frames taken in turn, name each in the table: {coloured[0]}#[0]"]

@@ -1,7 +1,5 @@
 """Where a set's pixels come from: files read one at a time, or arrays in memory. Both check what they hand out."""
 
-from __future__ import annotations
-
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
@@ -35,7 +33,7 @@ class Store(Protocol):
     def numbers(self, i: int) -> np.ndarray: ...
     def clean(self, i: int) -> np.ndarray: ...
     def shape(self, i: int) -> tuple[int, int]: ...
-    def with_bits(self, bit_depth: int) -> Store: ...
+    def with_bits(self, bit_depth: int) -> "Store": ...
     def path(self, i: int) -> Path | None: ...
 
 
@@ -94,7 +92,7 @@ class MemoryStore:
         shape = np.shape(self._frames[i])
         return shape[0], shape[1]
 
-    def with_bits(self, bit_depth: int) -> MemoryStore:
+    def with_bits(self, bit_depth: int) -> "MemoryStore":
         return MemoryStore(self._records, self._frames, self._cleans, bit_depth)
 
     def path(self, i: int) -> Path | None:
@@ -120,10 +118,9 @@ class FileStore:
                 raise InputError(f"{value!r} is unknown", field=field, expected=" or ".join(choices))
         _check_bits(bit_depth)
         self._records, self._root, self._resolution = list(records), root, resolution
-        self._bit_depth, self._bits_at, self.warnings = bit_depth, bits_at, warnings
-        self.told_bits = bit_depth
+        self._bits_at, self._byte_order, self.warnings = bits_at, byte_order, warnings
+        self._bit_depth = self.told_bits = bit_depth
         self._reader = PixelReader(root, byte_order or "little")
-        self._byte_order = byte_order
         self._shift, self._knows_layout = 0, False
         self._shapes: dict[int, tuple[int, int]] = {}
         self._size: tuple[tuple[int, int], str] | None = None
@@ -179,7 +176,7 @@ class FileStore:
             self.read(i)
         return self._shapes[i]
 
-    def with_bits(self, bit_depth: int) -> FileStore:
+    def with_bits(self, bit_depth: int) -> "FileStore":
         how = bit_depth, self._byte_order, self._bits_at, self.warnings
         return FileStore(self._records, self._root, self._resolution, *how)
 
@@ -216,19 +213,14 @@ class FileStore:
     def _look_for_layout(self) -> None:
         raws = [i for i, r in enumerate(self._records) if r.file.lower().endswith(".raw")]
         if raws and self._byte_order is None:
-            probes = [
-                self._records[raws[n]] for n in np.unique(np.linspace(0, len(raws) - 1, _PROBED).astype(int))
-            ]
+            spread = np.unique(np.linspace(0, len(raws) - 1, _PROBED).astype(int))
+            probes = [self._records[raws[n]] for n in spread]
             votes = [guess_layout(self._root / r.file, self._shape_of_raw(r)) for r in probes]
             self._byte_order = self._reader.layout = max(dict.fromkeys(votes), key=votes.count)
-            order, alike = (
-                f".raw files are read as {self._byte_order}",
-                "neighbouring pixels are more similar",
-            )
+            word, why = "packing", ", by their size and because neighbouring pixels are more similar so"
             if self._byte_order in BYTE_ORDERS:
-                self.warnings.append(f"byte_order_assumed: {order} endian, in which {alike}")
-            else:
-                self.warnings.append(f"packing_assumed: {order}, by their size and because {alike} so")
+                word, why = "byte_order", " endian, in which neighbouring pixels are more similar"
+            self.warnings.append(f"{word}_assumed: .raw files are read as {self._byte_order}{why}")
         packed_bits = LAYOUTS[self._reader.layout].bits if raws else 16
         if packed_bits < 16 and self._bit_depth is None:
             self._bit_depth = packed_bits

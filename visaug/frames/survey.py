@@ -1,7 +1,5 @@
 """A folder's frames by their headers, subfolders and names: the table that frames.csv would be."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections import Counter
@@ -35,15 +33,23 @@ _SAID = {  # what was made of a header or a name
 }
 
 
+# How to give what the named frames lack, or what is made of them.
+_ASKED = {
+    "kind": "not known for {}; put them into folders named bias, dark or flat, or fill in the column kind",
+    "exposure_s": "the exposure of {} is not known; put it into the names (dark_2s_003), give it with --exposure if it is the "
+    "same for all, or fill in the column",
+    "temperature_c": "not known for {}; without it the dark current has no temperature law. Give --temperature, or fill in the "
+    "column",
+    "photons": "not known for {}; without them the quantum efficiency is not determined. If the light was measured, fill in the "
+    "mean number of photons per pixel",
+    "combined": "{} are combined from several exposures; they are not raw frames and give no temporal noise",
+}
+
+
 @dataclass
 class Survey:
-    """What was found in a folder.
-
-    Attributes:
-        rows: one mapping a frame with the fields of `FrameRecord`; `kind` and `exposure_s` are None where nothing
-            tells them.
-        notes: what could not be found and how to give it, what was assumed.
-        complete: whether every row can become a record.
+    """What was found in a folder: one mapping a frame with the fields of `FrameRecord`, in which `kind` and `exposure_s` are None
+    where nothing tells them; and notes on what could not be found, how to give it, and what was assumed.
     """
 
     folder: Path
@@ -61,11 +67,7 @@ class Survey:
         return [r for r in self.rows if r[name] is None]
 
     def records(self) -> list[FrameRecord]:
-        """The rows as records.
-
-        Raises:
-            InputError: not complete, or a value out of range.
-        """
+        """The rows as records; refused where they are not complete."""
         for name, what in (("kind", "bias, dark, flat or scene"), ("exposure_s", "seconds")):
             if lacking := self.missing(name):
                 command = f"visaug frames {self.folder} -o {self.folder / 'frames.csv'}"
@@ -118,9 +120,6 @@ def survey(
         resolution: rows and columns of .raw files, written as their region.
         files: look at these alone.
         progress: called with (description, done, total).
-
-    Raises:
-        InputError: no frames there, or none that can be read; a given value out of range.
     """
     folder = Path(folder)
     FrameRecord(0, "", "dark", **{name: value for name, value in (given or {}).items() if value is not None})
@@ -180,16 +179,14 @@ def parse_resolution(text: str | None) -> tuple[int, int] | None:
 
 def frame_files(folder: Path) -> list[Path]:
     """Files that may hold frames, in natural order of their paths (2 before 10)."""
-    named = [f for f in folder.rglob("*") if pixels.suffix_of(f) in pixels.SUFFIXES]
-    paths = {f.relative_to(folder): f for f in named}
+    paths = {f.relative_to(folder): f for f in folder.rglob("*") if pixels.suffix_of(f) in pixels.SUFFIXES}
     visible = [p for p in paths if not any(part.startswith(".") for part in p.parts) and paths[p].is_file()]
     return [paths[p] for p in sorted(visible, key=lambda p: natural(p.as_posix()))]
 
 
 def natural(text: str) -> list[tuple[int, int, str]]:
     """A key that sorts numbers in names by value."""
-    parts = re.split(r"(\d+)", text)
-    return [(1, int(p), "") if p.isdigit() else (0, 0, p) for p in parts]
+    return [(1, int(p), "") if p.isdigit() else (0, 0, p) for p in re.split(r"(\d+)", text)]
 
 
 def _row(file: str, facts: Facts, by_name: Named, given: Mapping[str, Any]) -> Facts:
@@ -213,7 +210,6 @@ def _row(file: str, facts: Facts, by_name: Named, given: Mapping[str, Any]) -> F
     if row["kind"] in ("bias", "dark"):
         row["filter"] = row["photons"] = None
     row["_header_kind"], row["_name_kind"] = facts.get("kind"), by_name.facts.get("kind")
-    row["_kind_text"] = facts.get("kind_text", "")
     for name in ("colour", "plane", "calibrated", "ceiling", "body"):
         row[f"_{name}"] = facts.get(name)
     row["_said"] = dict(facts.get("said", {}))
@@ -229,11 +225,8 @@ def _order(rows: list[Facts]) -> list[str]:
         rows.sort(key=lambda r: (r["time_s"], natural(r["file"])))
     for n, row in enumerate(rows):
         row["sequence"] = n
-    said = (
-        "order_assumed: not every frame has its time of acquisition; they are numbered by name. If that was not the "
-        "order, give it in the column sequence"
-    )
-    return [] if timed else [said]
+    said = "not every frame has its time of acquisition; they are numbered by name. If that was not the order, give it in the "
+    return [] if timed else [f"order_assumed: {said}column sequence"]
 
 
 def _notes(found: Survey) -> list[str]:
@@ -243,26 +236,16 @@ def _notes(found: Survey) -> list[str]:
             f"descriptor: {DESCRIPTOR} describes these frames; give the folder to the commands unchanged, "
             "without a frames.csv, which would take precedence"
         )
-    if lacking := found.missing("kind"):
-        notes.append(
-            f"kind: not known for {names(lacking)}; put them into folders named bias, dark or flat, or fill in the column kind"
-        )
-    if lacking := found.missing("exposure_s"):
-        notes.append(
-            f"exposure_s: the exposure of {names(lacking)} is not known; put it into the names (dark_2s_003), give "
-            "it with --exposure if it is the same for all, or fill in the column"
-        )
     rows = found.rows
-    if cold := [r for r in rows if r["kind"] == "dark" and r["temperature_c"] is None]:
-        notes.append(
-            f"temperature_c: not known for {names(cold)}; without it the dark current has no temperature law. Give "
-            "--temperature, or fill in the column"
-        )
-    if dim := [r for r in rows if r["kind"] == "flat" and r["photons"] is None]:
-        notes.append(
-            f"photons: not known for {names(dim)}; without them the quantum efficiency is not determined. If the light was "
-            "measured, fill in the mean number of photons per pixel"
-        )
+
+    def ask(name: str, lacking: list[Facts]) -> None:
+        if lacking:
+            notes.append(f"{name}: {_ASKED[name].format(names(lacking))}")
+
+    ask("kind", found.missing("kind"))
+    ask("exposure_s", found.missing("exposure_s"))
+    ask("temperature_c", [r for r in found.missing("temperature_c") if r["kind"] == "dark"])
+    ask("photons", [r for r in found.missing("photons") if r["kind"] == "flat"])
     if any(r["bit_depth"] is None and not r["file"].lower().endswith((".png", ".jpg")) for r in rows):
         notes.append(
             "bit_depth: not stated by the files; cameras with 10, 12 or 14 bits often write 16-bit files. Give --bit-depth"
@@ -270,10 +253,7 @@ def _notes(found: Survey) -> list[str]:
     unlike = [r for r in rows if r["_header_kind"] and r["_name_kind"] not in (None, r["_header_kind"])]
     if unlike:
         notes.append(f"kind: header and name disagree for {names(unlike)}; the header is used")
-    if masters := [r for r in rows if r["combined"] != 1]:
-        notes.append(
-            f"combined: {names(masters)} are combined from several exposures; they are not raw frames and give no temporal noise"
-        )
+    ask("combined", [r for r in rows if r["combined"] != 1])
     for word in dict.fromkeys(word for r in rows for word in r["_said"]):
         those = [r for r in rows if word in r["_said"]]
         details = sorted({r["_said"][word] for r in those})

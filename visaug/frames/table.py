@@ -1,7 +1,5 @@
 """frames.csv: one row a frame."""
 
-from __future__ import annotations
-
 import codecs
 import csv
 import difflib
@@ -145,8 +143,7 @@ def _check_header(header: list[str], path: Path) -> list[str]:
     alike = 0.75  # similarity of difflib from which an unknown column is taken for a slip of the pen
     for name in ignored:
         likely = [c for c in missing if name == c.rsplit("_", 1)[0]]
-        likely = likely or difflib.get_close_matches(name, missing, 1, alike)
-        if likely:
+        if likely := likely or difflib.get_close_matches(name, missing, 1, alike):
             problem = f"{name!r} is not a column of a frame set; did you mean {likely[0]}?"
             raise InputError(problem, file=path, field="header")
     return ignored
@@ -257,15 +254,13 @@ class _Row:
             return value
         degrees, made = celsius(value)
         if made == "kelvin":
-            self.said.append(
-                f"temperature_kelvin: temperatures above {WARMEST_C:g} are read as Kelvin and converted"
-            )
+            said = f"kelvin: temperatures above {WARMEST_C:g} are read as Kelvin and converted"
         elif is_no_temperature(value):
-            self.said.append(
-                f"temperature_unknown: {value:g} stands for no thermometer; the temperature is not known"
-            )
-            return None
-        return value if degrees is None else degrees
+            said = f"unknown: {value:g} stands for no thermometer; the temperature is not known"
+        else:
+            return value if degrees is None else degrees
+        self.said.append(f"temperature_{said}")
+        return degrees
 
     def time(self) -> float | None:
         """Seconds, from a number or a date and time as ISO 8601 writes it."""

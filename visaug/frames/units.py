@@ -1,7 +1,5 @@
 """Numbers of headers and tables in seconds and degrees Celsius; None where they are no measurement."""
 
-from __future__ import annotations
-
 import math
 import re
 from typing import Any
@@ -38,15 +36,8 @@ def unit_of(comment: str) -> float | None:
 
 
 def seconds(value: object, comment: str = "", unit: str = "") -> float:
-    """Seconds of a header's value, a number or a text as ``500 ms`` or ``1/100``.
-
-    Args:
-        value: of the keyword.
-        comment: behind it, whose unit counts.
-        unit: of the keyword TIMEUNIT.
-
-    Raises:
-        ValueError: no number.
+    """Seconds of a header's value, a number or a text as ``500 ms`` or ``1/100``, by the unit in its comment or of the keyword
+    TIMEUNIT; ValueError where it is no number.
     """
     scale = unit_of(comment) or SECONDS.get(unit.strip().lower(), 1.0)
     if isinstance(value, str):
@@ -69,9 +60,8 @@ def is_no_temperature(value: float) -> bool:
 def celsius(value: float, comment: str = "") -> tuple[float | None, str]:
     """Degrees Celsius of a header's or table's value, and what was made of it: ``""``, ``kelvin`` or ``none``.
 
-    Examples:
-        >>> celsius(-10.0), celsius(263.15), celsius(-999.0)
-        ((-10.0, ''), (-10.0, 'kelvin'), (None, 'none'))
+    >>> celsius(-10.0), celsius(263.15), celsius(-999.0)
+    ((-10.0, ''), (-10.0, 'kelvin'), (None, 'none'))
     """
     if is_no_temperature(value) or _OTHER_DEGREES.search(comment.lower()):
         return None, "none"

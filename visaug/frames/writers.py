@@ -1,7 +1,5 @@
 """Frame sets on disk: written beside their place and renamed, so a broken run leaves nothing half done."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import zipfile
@@ -29,11 +27,7 @@ _FORMATS = ".npy, .npz, .tif or .fits; .png and .raw for whole DN of 16 bits"
 
 
 def save(
-    frames: FrameSet,
-    folder: Path,
-    keep_names: bool,
-    overwrite: bool,
-    beside: Callable[[Path], object] | None,
+    frames: "FrameSet", folder: Path, keep_names: bool, overwrite: bool, beside: Callable | None
 ) -> Path:
     """Write a set to `folder`; see `FrameSet.save`."""
     if overwrite:
@@ -42,9 +36,7 @@ def save(
         cleans = _write_cleans(frames, temporary)
         # 8 and 16 bits show in the files; what lies between does not.
         bits = None if frames.bit_depth in (8, 16) else frames.bit_depth
-        records = [
-            replace(r, clean=cleans.get(r.clean) if r.clean else None, bit_depth=bits) for r in frames.records
-        ]
+        records = [replace(r, clean=cleans.get(r.clean or ""), bit_depth=bits) for r in frames.records]
         if keep_names:
             _write_named(frames, temporary)
         else:
@@ -89,7 +81,7 @@ def _take_along(folder: Path, temporary: Path) -> None:
             shutil.copy2(file, new, follow_symlinks=False)
 
 
-def _write_archive(frames: FrameSet, path: Path) -> list[str]:
+def _write_archive(frames: "FrameSet", path: Path) -> list[str]:
     """All frames into one .npz, an array for each size, one frame in memory at a time; returns their names."""
     shapes = [frames.shape(i) for i in range(len(frames))]
     names = [""] * len(frames)
@@ -107,7 +99,7 @@ def _write_archive(frames: FrameSet, path: Path) -> list[str]:
     return names
 
 
-def _smallest_type(frames: FrameSet, indices: Iterable[int]) -> np.dtype:
+def _smallest_type(frames: "FrameSet", indices: Iterable[int]) -> np.dtype:
     """uint8 or uint16 where that loses nothing, else float32."""
     if frames.bit_depth is not None and frames.bit_depth <= 16:
         return np.dtype(np.uint8 if frames.bit_depth <= 8 else np.uint16)
@@ -120,7 +112,7 @@ def _smallest_type(frames: FrameSet, indices: Iterable[int]) -> np.dtype:
     return np.dtype(np.uint8 if largest <= 255 else np.uint16)
 
 
-def _write_cleans(frames: FrameSet, folder: Path) -> dict[str, str]:
+def _write_cleans(frames: "FrameSet", folder: Path) -> dict[str, str]:
     """Noiseless targets as .npy; returns the new name of each."""
     names: dict[str, str] = {}
     files = {PurePosixPath(split_name(r.file)[0]) for r in frames.records}
@@ -136,7 +128,7 @@ def _write_cleans(frames: FrameSet, folder: Path) -> dict[str, str]:
     return names
 
 
-def _write_named(frames: FrameSet, folder: Path) -> None:
+def _write_named(frames: "FrameSet", folder: Path) -> None:
     """Every frame under its record's own name; frames of one archive are put together at the end of it."""
     parts = places(frames.records)
     stacks: dict[str, list[int]] = {}
@@ -151,16 +143,12 @@ def _write_named(frames: FrameSet, folder: Path) -> None:
         _write_stack(frames, folder / file, {i: parts[i][1:] for i in members})
 
 
-def places(records: Sequence[FrameRecord]) -> list[tuple[str, str | None, tuple[int, ...]]]:
-    """File, key and index of each frame, no two of which are the same place or in each other's way.
-
-    Raises:
-        InputError: a name that cannot be written.
-    """
+def places(records: "Sequence[FrameRecord]") -> list[tuple[str, str | None, tuple[int, ...]]]:
+    """File, key and index of each frame, no two of which are the same place or in each other's way."""
     found: list[tuple[str, str | None, tuple[int, ...]]] = []
     files: dict[str, bool] = {}  # whether it holds several frames
 
-    def check(allowed: bool, record: FrameRecord, problem: str, expected: str) -> None:
+    def check(allowed: bool, record: "FrameRecord", problem: str, expected: str) -> None:
         if not allowed:
             raise InputError(f"{record.file!r} {problem}", field="file", expected=expected)
 
@@ -193,7 +181,9 @@ def places(records: Sequence[FrameRecord]) -> list[tuple[str, str | None, tuple[
     return found
 
 
-def _write_stack(frames: FrameSet, path: Path, parts: dict[int, tuple[str | None, tuple[int, ...]]]) -> None:
+def _write_stack(
+    frames: "FrameSet", path: Path, parts: dict[int, tuple[str | None, tuple[int, ...]]]
+) -> None:
     dtype = _smallest_type(frames, parts)
     arrays: dict[str | None, np.ndarray] = {}
     most_gaps = 100  # places of an array for each frame of it that is there

@@ -1,7 +1,5 @@
 """XISF, the format of PixInsight and N.I.N.A. (specification 1.0): the first image of a monolithic file, as stored."""
 
-from __future__ import annotations
-
 import zlib
 from pathlib import Path
 from typing import Any
@@ -10,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from visaug.core.errors import InputError, readable
-from visaug.frames.keywords import header_facts
+from visaug.frames.keywords import Header
 from visaug.frames.layout import layout_of
 from visaug.frames.limits import check_shape
 
@@ -22,7 +20,7 @@ def xisf_frames(path: Path) -> list[tuple[str, dict[str, Any]]]:
     """The image as (``""``, facts of its FITS keywords); of colours green alone is read."""
     image, header, comments = _head(path)
     channels, *shape = _geometry(image, path)
-    facts = header_facts(header, comments, path)
+    facts = Header(header, comments, path).facts()
     layout_of(header, tuple(shape)).tell(facts)
     if channels > 1:
         facts["said"]["colour_planes"] = f"{channels} channels"
@@ -33,9 +31,8 @@ def read_xisf(path: Path) -> np.ndarray:
     """(H, W) pixels of the image, or of its green channel."""
     image, header, _ = _head(path)
     channels, rows, columns = _geometry(image, path)
-    dtype = np.dtype(
-        (">" if image.get("byteOrder") == "big" else "<") + _TYPES[image.get("sampleFormat", "")]
-    )
+    order = ">" if image.get("byteOrder") == "big" else "<"
+    dtype = np.dtype(order + _TYPES[image.get("sampleFormat", "")])
     place = (image.get("location") or "").split(":")
     if place[0] != "attachment" or len(place) != 3 or not all(n.isdigit() for n in place[1:]):
         raise _other(path, "its pixels lie outside of an attachment")

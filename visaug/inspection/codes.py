@@ -1,7 +1,5 @@
 """Codes of the converter: bits in use, codes that never come, clipping."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -10,30 +8,21 @@ from scipy import stats
 
 from visaug.frames import FrameSet
 from visaug.frames.raw import unused_low_bits
-from visaug.inspection.finding import ALPHA, Finding, some
+from visaug.inspection.finding import ALPHA, Finding, about, some
 from visaug.inspection.material import FrameGroup
 from visaug.statistics.views.codes import NEIGHBOURS, SIDE
 
 
 @dataclass(frozen=True)
 class CodeCounts:
-    """How often each code comes.
+    """How often each code comes in all frames."""
 
-    Attributes:
-        counts: by code, of all frames.
-        step: difference of neighbouring codes in use, a power of 2 (1 where all come).
-        bits: of the converter, or the fewest usual ones that hold the largest code.
-        shift: by how many bits the codes are moved up in the file; they are counted without.
-        stated: whether the files state the bits.
-        whole: whether the frames hold integers.
-    """
-
-    counts: np.ndarray
-    step: int
-    bits: int
-    shift: int
-    stated: bool
-    whole: bool
+    counts: np.ndarray  # by code
+    step: int  # difference of neighbouring codes in use, a power of 2 (1 where all come)
+    bits: int  # of the converter, or the fewest usual ones that hold the largest code
+    shift: int  # by how many bits the codes are moved up in the file; they are counted without
+    stated: bool  # whether the files state the bits
+    whole: bool  # whether the frames hold integers
 
 
 def shift_of(frames: FrameSet) -> int:
@@ -54,26 +43,17 @@ def shift_of(frames: FrameSet) -> int:
 
 
 def codes_of(looks: list[FrameGroup], container: int, shift: int) -> CodeCounts:
-    """The codes of all frames.
-
-    Args:
-        container: bits of a value in the files, 16 where they hold floats.
-        shift: by how many bits they were moved up in the files.
-    """
+    """The codes of all frames; `container`: bits of a value in the files, 16 where they hold floats."""
     whole = all(bool((look.frames[0] == np.rint(look.frames[0])).all()) for look in looks)
     highest = int(max(float(look.frames.max()) for look in looks))
     if not whole or highest > 1 << 20:
         return CodeCounts(np.zeros(0, np.int64), 1, container, shift, False, whole)
     counts = np.zeros(highest + 1, np.int64)
-    for look in looks:
-        for frame in look.frames:
-            found = np.bincount(frame.ravel().astype(np.intp))
-            counts[: len(found)] += found
+    for frame in (frame for look in looks for frame in look.frames):
+        counts += np.bincount(frame.ravel().astype(np.intp), minlength=len(counts))
     used = np.flatnonzero(counts)
-    step = 1
     finest = 6  # low bits that may be lost
-    while step < 1 << finest and not (used % (2 * step)).any():
-        step *= 2
+    step = int(np.gcd.reduce(used, initial=1 << finest))
     told = looks[0].bits
     least = 16 - shift if shift else 10 if container == 16 else 8
     depths = (8, 10, 12, 14, 16)  # of usual converters
@@ -101,9 +81,7 @@ def _lost_bits(codes: CodeCounts) -> Finding | None:
         f"Only every {step}th code comes: the lowest {bits} bits are always 0; a step of {step} DN adds noise of {noise:.2g} DN.",
         f"the lowest {bits} bits lost",
         2 * float(codes.counts.sum()) * math.log(step),
-        amplitude_dn=noise,
-        low=noise,
-        high=noise,
+        **about(noise, 0.0),
         share=1 - 1 / step,
         details={"step_dn": step, "lost_bits": bits},
         shown={"counts": codes.counts},

@@ -1,7 +1,5 @@
 """What changes slowly over the sensor, and from frame to frame as a whole."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Patterns that were found in frames, how improbable it is that clean frames show them, and the answer of an inspection."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -117,9 +115,8 @@ def about(value: float, error: float) -> Size:
 def deviation(mean_square: float, freedom: float, floor: float) -> Size:
     """The same for the root of a mean square of chi-square spread less a known floor."""
     low, high = (freedom / stats.chi2.ppf(q, freedom) for q in (0.975, 0.025))
-    low, value, high = (
-        math.sqrt(max(mean_square * k - floor, 0.0)) for k in (min(low, 1.0), 1.0, max(high, 1.0))
-    )
+    factors = min(low, 1.0), 1.0, max(high, 1.0)
+    low, value, high = (math.sqrt(max(mean_square * k - floor, 0.0)) for k in factors)
     return {"amplitude_dn": value, "low": low, "high": high}
 
 
@@ -208,11 +205,9 @@ class Inspection(Reported):
     def to_json(self) -> dict[str, Any]:
         """The content of `visaug inspect --json`."""
         content: dict[str, Any] = {"schema": 1, "answer": self.answer, "frames": len(self.frames)}
-        content |= {
-            name: getattr(self, name) for name in ("kinds", "kinds_from", "bits", "bits_stated", "shift")
-        }
-        content["measured"] = [m.to_json() for m in self.measured]
-        content["findings"] = [f.to_json() for f in self.findings]
+        facts = "kinds", "kinds_from", "bits", "bits_stated", "shift"
+        content |= {name: getattr(self, name) for name in facts}
+        content |= {name: [one.to_json() for one in getattr(self, name)] for name in ("measured", "findings")}
         content |= {name: list(getattr(self, name)) for name in ("ambiguous", "more", "notes")}
         return content | {"next": self.next_command}
 

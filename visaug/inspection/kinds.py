@@ -4,8 +4,6 @@ What a sensor adds to a uniform frame is of rows, of columns, of single pixels, 
 scene, of which no pattern of the camera is read.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,8 +21,9 @@ def kinds_of(frames: FrameSet, shift: int) -> tuple[list[str], str]:
     unknown = [i for i, kind in enumerate(kinds) if kind is None]
     sources = []
     if any(told):
-        agree = all(kind in (None, name) for kind, name in zip(told, named, strict=True))
-        agree = agree and not _has_table(frames)
+        path = frames.loaded_from
+        has_table = path is not None and (path.suffix.lower() == ".csv" or (path / "frames.csv").is_file())
+        agree = all(kind in (None, name) for kind, name in zip(told, named, strict=True)) and not has_table
         sources.append("the file names" if agree else "the table or headers")
     elif any(named):
         sources.append("the file names")
@@ -32,11 +31,6 @@ def kinds_of(frames: FrameSet, shift: int) -> tuple[list[str], str]:
         sources.append("level and structure")
     by_level = _by_level(frames, unknown, shift)
     return [str(kind or by_level[i]) for i, kind in enumerate(kinds)], ", else ".join(sources)
-
-
-def _has_table(frames: FrameSet) -> bool:
-    path = frames.loaded_from
-    return path is not None and (path.suffix.lower() == ".csv" or (path / "frames.csv").is_file())
 
 
 def _by_level(frames: FrameSet, unknown: list[int], shift: int) -> dict[int, str]:
@@ -74,20 +68,14 @@ def _by_level(frames: FrameSet, unknown: list[int], shift: int) -> dict[int, str
 
 @dataclass(frozen=True)
 class _Blocks:
-    """Means of blocks of a frame, in which no single pixel counts much.
+    """Means of blocks of a frame, in which no single pixel counts much."""
 
-    Attributes:
-        means: (rows, columns) of blocks, DN.
-        error: standard deviation of a mean by the noise of its pixels, DN.
-        level: median of the frame, DN.
-    """
-
-    means: np.ndarray
-    error: float
-    level: float
+    means: np.ndarray  # (rows, columns) of blocks, DN
+    error: float  # standard deviation of a mean by the noise of its pixels, DN
+    level: float  # median of the frame, DN
 
     @classmethod
-    def of(cls, frame: np.ndarray) -> _Blocks:
+    def of(cls, frame: np.ndarray) -> "_Blocks":
         side = max(8, min(frame.shape) // 32)  # px
         rows, columns = (n // side for n in frame.shape)
         part = frame[: rows * side, : columns * side].astype(np.float64)
@@ -137,7 +125,7 @@ class _Blocks:
         much = 0.4  # of the level, or of a third of the largest code
         return self.contrast > much * max(self.level, scale / 3) or (kind == "dark" and self.has_edges)
 
-    def is_other_scene(self, other: _Blocks, scale: float) -> bool:
+    def is_other_scene(self, other: "_Blocks", scale: float) -> bool:
         """Whether two frames of the same level and largest code differ by what neither rows nor columns explain: by edges, or by
         as much as there is. What a sensor adds does not move.
         """

@@ -1,7 +1,5 @@
 """What was found in the lines of frames, as findings: banding, offsets, 1/f noise, halves, odd and even lines."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any

@@ -1,26 +1,15 @@
 """Patterns of whole rows; columns are the rows of transposed frames."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from visaug.inspection import spectra
 from visaug.inspection.finding import needed, needed_f, needed_t
 from visaug.inspection.material import FrameGroup
-from visaug.inspection.spectra import (
-    FINER,
-    WINDOWED,
-    Continuum,
-    continuum,
-    fine_spectrum,
-    phasors,
-    sharpened,
-    sines,
-    tapered,
-)
+from visaug.inspection.spectra import FINER, WINDOWED, Continuum, continuum
 from visaug.statistics.views.pattern import _detrended as smoothed_off
 from visaug.statistics.views.spectrum import power as spectrum
 
@@ -29,32 +18,20 @@ LEAST_PERIODS = 3  # in a frame, of a fixed banding; slower changes are slopes a
 
 @dataclass(frozen=True)
 class Wave:
-    """A sine of the row number.
+    """A sine of the row number."""
 
-    Attributes:
-        frequency: cycles per frame.
-        amplitudes: (n,) complex, one for each frame.
-        new: whether it changes from frame to frame.
-        gain: twice the log likelihood ratio.
-        variance: of one frame's amplitude by the temporal noise of the rows, and by their fixed offsets, DN^2.
-    """
-
-    frequency: float
-    amplitudes: np.ndarray
-    new: bool
-    gain: float
-    variance: tuple[float, float]
+    frequency: float  # cycles per frame
+    amplitudes: np.ndarray  # (n,) complex, one for each frame
+    new: bool  # whether it changes from frame to frame
+    gain: float  # twice the log likelihood ratio
+    variance: tuple[float, float]  # of an amplitude by temporal noise of the rows, and by fixed offsets, DN^2
 
 
 @dataclass
 class RowMeans:
-    """Row means of frames, and what was found in them.
+    """Row means of frames, of which `axis` is `column` where they are transposed, and the regular parts that were found in them.
 
-    Attributes:
-        look: the frames.
-        axis: `row`, or `column` where the frames are transposed.
-        profiles: (n, H) row means of each frame less the frame's, DN; regular parts are taken off as they are found.
-        waves, steps, parity: the regular parts.
+    `profiles` are (n, H) row means of each frame less the frame's, DN; regular parts are taken off as they are found.
     """
 
     look: FrameGroup
@@ -91,7 +68,7 @@ class RowMeans:
 
         The fixed ones contain 1/n of what changes. `windowed` keeps oscillations that are still there apart.
         """
-        window = tapered if windowed else np.asarray
+        window = spectra.tapered if windowed else np.asarray
         look = self.look
         j = np.arange(1, self.length // 2 + 1)
         temporal = None
@@ -187,20 +164,20 @@ def _parity(lines: RowMeans, fixed: Continuum):
 def _wave(lines: RowMeans, fixed: Continuum, temporal: Continuum | None):
     """The strongest sine, fixed or new in each frame, if clean rows have none as strong."""
     n, length = lines.count, lines.length
-    spectra = [(smoothed_off(lines.fixed)[None], fixed)] if lines.look.is_uniform else []
-    spectra += [] if temporal is None else [(lines.new, temporal)]
+    parts = [(smoothed_off(lines.fixed)[None], fixed)] if lines.look.is_uniform else []
+    parts += [] if temporal is None else [(lines.new, temporal)]
     found = None
     least_new = 1.5  # in a frame, of one that is new in each
     shortest = 2.05  # lines; shorter periods are odd against even lines
     nothing = 1e-12  # DN^2, below which frames are of one value
     above = 3.0  # times the power two cycles per frame lower: a line stands above both sides
-    for profiles, level in spectra:
-        frequency, power = fine_spectrum(profiles)
+    for profiles, level in parts:
+        frequency, power = spectra.fine_spectrum(profiles)
         least = LEAST_PERIODS if level is fixed else least_new
         allowed = (frequency >= least) & (frequency <= length / shortest)
         for wave in lines.waves:  # what a sine leaves beside itself is no other one
             allowed &= np.abs(frequency - wave.frequency) > 1.25  # cycles per frame
-        narrow = fine_spectrum(tapered(profiles))[1]
+        narrow = spectra.fine_spectrum(spectra.tapered(profiles))[1]
         below = np.concatenate([np.zeros(2 * FINER), narrow[: -2 * FINER]])
         allowed &= narrow > above * below  # a smooth bump has more at lower frequencies
         degree = 3 if level is fixed else 0  # slopes and bumps are fixed
@@ -209,10 +186,10 @@ def _wave(lines: RowMeans, fixed: Continuum, temporal: Continuum | None):
             top = int(np.where(allowed, strength, 0.0).argmax())
             if not allowed[top] or power[top] <= nothing:
                 continue
-            exact = sharpened(raw, float(frequency[top]), least - 0.25, degree)
+            exact = spectra.sharpened(raw, float(frequency[top]), least - 0.25, degree)
             # Judged against what is left without it, which its own power does not raise.
-            rest = raw - sines(phasors(raw, exact, degree), exact, length)
-            rest = tapered(smoothed_off(rest.T).T if degree else rest)
+            rest = raw - spectra.sines(spectra.phasors(raw, exact, degree), exact, length)
+            rest = spectra.tapered(smoothed_off(rest.T).T if degree else rest)
             left = continuum(spectrum(rest), level.shape, level.floors, LEAST_PERIODS if degree else 1)
             gain = 2 * level.shape * float(power[top] / np.maximum(left.at(frequency[top]), 1e-12))
             clear = gain > needed_f(FINER * int(allowed.sum()), 2 * level.shape, WINDOWED * left.bins)
@@ -221,7 +198,7 @@ def _wave(lines: RowMeans, fixed: Continuum, temporal: Continuum | None):
     if found is None:
         return None
     gain, frequency, degree = found
-    amplitudes = phasors(lines.profiles, frequency, degree)
+    amplitudes = spectra.phasors(lines.profiles, frequency, degree)
     noise = 0.0 if temporal is None else float(temporal.at(frequency)) * 4 / length
     offsets = max(float(fixed.at(frequency)) * 4 / length - noise / n, 0.0)
     scatter = float((np.abs(amplitudes - amplitudes.mean()) ** 2).sum())
@@ -231,7 +208,7 @@ def _wave(lines: RowMeans, fixed: Continuum, temporal: Continuum | None):
     def take() -> None:
         kept = amplitudes if new else np.full(n, amplitudes.mean())
         lines.waves.append(Wave(frequency, kept, new, gain, (noise, offsets)))
-        lines.profiles = lines.profiles - sines(kept, frequency, length)
+        lines.profiles = lines.profiles - spectra.sines(kept, frequency, length)
 
     return gain, take
 

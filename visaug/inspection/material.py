@@ -3,8 +3,6 @@
 Far-out pixels are drawn in, so that no single pixel can look like a line.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -25,9 +23,6 @@ def load_pixels(path: str | Path, bit_depth: int | None = None) -> FrameSet:
 
     A file or folder of stacks (`.npy`, TIFF, FITS, `.npz`, HDF5) gives all frames of the stacks; frames of unknown kind
     are of kind `image`, and unknown exposures are 0.
-
-    Raises:
-        InputError: there are no frames, or they cannot be read.
     """
     path = Path(path)
     try:
@@ -57,25 +52,15 @@ FAR = 8.0  # robust standard deviations beyond which a pixel does not take part 
 
 @dataclass(frozen=True)
 class FrameGroup:
-    """Frames of equal conditions, read as they are.
+    """Frames of equal conditions, read as they are."""
 
-    Attributes:
-        kind: `bias`, `dark`, `flat`, `scene` or `image`.
-        group: their conditions and positions in the set.
-        frames: (n, H, W) float32 DN, copies of one exposure left out.
-        copies: number of frames left out as copies.
-        bits: of the converter as the files state it, None where they do not.
-        guessed: whether the kind was told by the level.
-        coloured: whether neighbours share noise, so that its spectrum is not white.
-    """
-
-    kind: str
-    group: Group
-    frames: np.ndarray
-    copies: int = 0
-    bits: int | None = None
-    guessed: bool = False
-    coloured: bool = False
+    kind: str  # `bias`, `dark`, `flat`, `scene` or `image`
+    group: Group  # their conditions and positions in the set
+    frames: np.ndarray  # (n, H, W) float32 DN, copies of one exposure left out
+    copies: int = 0  # number of frames left out as copies
+    bits: int | None = None  # of the converter as the files state it, None where they do not
+    guessed: bool = False  # whether the kind was told by the level
+    coloured: bool = False  # whether neighbours share noise, so that its spectrum is not white
 
     @property
     def count(self) -> int:
@@ -154,7 +139,7 @@ class FrameGroup:
         padded = np.pad(found, reach, mode="reflect")
         return np.convolve(padded, np.full(2 * reach + 1, 1 / (2 * reach + 1)), mode="valid")
 
-    def transposed(self) -> FrameGroup:
+    def transposed(self) -> "FrameGroup":
         """Columns in place of rows."""
         turned = replace(self, frames=np.ascontiguousarray(self.frames.transpose(0, 2, 1)))
         if "data" in self.__dict__:
@@ -162,7 +147,7 @@ class FrameGroup:
             turned.__dict__["data"] = data
         return turned
 
-    def without_lines(self, bad: np.ndarray) -> FrameGroup:
+    def without_lines(self, bad: np.ndarray) -> "FrameGroup":
         """The same with the given rows replaced by their nearest good neighbours."""
         good = np.flatnonzero(~bad)
         nearest = good[np.abs(np.arange(len(bad))[:, None] - good[None, :]).argmin(1)]
@@ -181,10 +166,7 @@ def looks(
 ) -> tuple[list[FrameGroup], list[str]]:
     """The frames by kind, conditions, size and level, the largest group first; and notes on what was left out.
 
-    Args:
-        kinds: of each frame.
-        guessed: whether some were told by the level.
-        shift: by how many bits the values are moved up, which is taken back.
+    `guessed` says whether some of the kinds were told by the level; by `shift` bits the values are moved up, which is taken back.
     """
     notes: list[str] = []
     records = [replace(r, kind=kind) for r, kind in zip(frames.records, kinds, strict=True)]

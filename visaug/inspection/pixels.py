@@ -1,7 +1,5 @@
 """Single pixels and lines that stand out: hot, dead, unstable; and the fixed pattern of all pixels."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -21,12 +19,10 @@ def line_defects(look: FrameGroup, axis: str) -> tuple[Finding | None, np.ndarra
     middle = np.asarray(stats.trim_mean(look.frames.mean(0, dtype=np.float64), 0.1, axis=1))
     off = _apart(middle)
     height, width = look.shape
-    robust = MAD * float(np.median(np.abs(off)))
-    scale = max(robust, look.noise_dn / math.sqrt(look.count * width), 0.02)
+    scale = max(MAD * float(np.median(np.abs(off))), look.noise_dn / math.sqrt(look.count * width), 0.02)
     # A wave or a bump has tops above both sides, but no higher than lines elsewhere, or next to them, differ.
     change = np.abs(np.diff(middle))
-    # of the two lines on either side
-    aside = np.maximum(np.pad(change, (2, 0))[:-1], np.pad(change, (0, 2))[1:])
+    aside = np.maximum(np.pad(change, (2, 0))[:-1], np.pad(change, (0, 2))[1:])  # of two lines on either side
     bad = np.abs(off) > np.maximum(max(FAR * scale, 3 * float(np.quantile(change, 0.9))), 3 * aside)
     quiet = 0.05  # of the usual variance: a line with less follows no signal
     if look.count > 1:
@@ -92,16 +88,14 @@ def _standing_out(look: FrameGroup) -> tuple[np.ndarray, np.ndarray]:
     has, brings any pixel in all of them.
     """
     pattern = look.raw.pattern_pixels
-    pixels = np.abs(pattern.ravel())
-    scale = max(MAD * float(np.median(pixels)), 0.3)
+    scale = max(MAD * float(np.median(np.abs(pattern))), 0.3)
     far = np.abs(pattern) > FAR * scale
     if far.any():
         far[far] = _lone(look.raw.mean, far, FAR / 2 * scale)
     if look.count > 1 and far.any():
         limit = _reach(look)
         each = look.frames[:, far] - (look.raw.mean - pattern)[far]
-        sign = np.sign(pattern[far])
-        least = (each * sign).min(0)
+        least = (each * np.sign(pattern[far])).min(0)
         far[far] = least > np.maximum(limit, 0.5 * np.abs(pattern[far]))
     still = np.zeros(look.shape, bool)
     stuck = 4  # frames in which a pixel has one value while the others have noise
@@ -123,8 +117,7 @@ def _lone(image: np.ndarray, where: np.ndarray, least: float) -> np.ndarray:
 def _reach(look: FrameGroup) -> float:
     """DN from which temporal noise alone is not found at one pixel in all frames."""
     size = np.sort(np.abs(look.raw.noise_pixels.ravel()[:: max(1, look.frames.size // 2_000_000)]))
-    pixels = look.shape[0] * look.shape[1]
-    share = (ALPHA / pixels) ** (1 / look.count)
+    share = (ALPHA / (look.shape[0] * look.shape[1])) ** (1 / look.count)
     return float(size[int((1 - share) * (len(size) - 1))])
 
 
@@ -177,13 +170,11 @@ def _defects(look: FrameGroup, word: str, where: np.ndarray) -> Finding | None:
     )
 
 
-def _pixels(
-    where: np.ndarray, word: str, heights: np.ndarray, typical: float, error: float
-) -> dict[str, Any]:
+def _pixels(where: np.ndarray, word: str, heights: np.ndarray, usual: float, error: float) -> dict[str, Any]:
     """What findings of single pixels have in common: size, share and places."""
     places = list(zip(*np.nonzero(where), heights))[:20_000]  # defects listed at most
     return {
-        **_about(typical, error),
+        **_about(usual, error),
         "share": len(heights) / where.size,
         "details": {"pixels": len(heights)},
         "places": tuple((int(r), int(c), word, float(h)) for r, c, h in places),
@@ -211,9 +202,8 @@ def _jumps(look: FrameGroup, where: np.ndarray) -> Finding | None:
 
 def pixel_pattern(look: FrameGroup) -> Size:
     """Standard deviation of the fixed pattern of the pixels, DN, with its interval; nothing for one frame."""
-    temporal = look.noise_variance / look.count
     freedom = look.shape[0] * look.shape[1] / 1.5
-    return deviation(look.pattern_variance, freedom, temporal)
+    return deviation(look.pattern_variance, freedom, look.noise_variance / look.count)
 
 
 def _pattern(look: FrameGroup) -> Finding | None:

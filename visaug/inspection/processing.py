@@ -1,7 +1,5 @@
 """What was done to the frames before: sharing between neighbours, denoising, demosaicing, defect correction, JPEG."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -99,9 +97,7 @@ def _equal_share(look: FrameGroup) -> float:
     frame = look.frames[0]
     difference = frame[:, 1:] - frame[:, :-1]
     spread = MAD * float(np.median(np.abs(difference[difference != 0]))) if difference.any() else 0.0
-    if spread < 1.0:
-        return 0.0
-    return float(np.mean(difference == 0)) * math.sqrt(2 * math.pi) * spread
+    return 0.0 if spread < 1.0 else float(np.mean(difference == 0)) * math.sqrt(2 * math.pi) * spread
 
 
 def _demosaicing(look: FrameGroup, noise: np.ndarray) -> Finding | None:

@@ -1,7 +1,5 @@
 """From frames to findings: each detector looks at the frames of one kind and level; what they share is put together."""
 
-from __future__ import annotations
-
 import math
 import shlex
 from collections.abc import Sequence
@@ -71,7 +69,7 @@ def inspect(frames: FrameSet | str | Path | np.ndarray | Sequence[np.ndarray]) -
         codes.stated,
         codes.shift,
         tuple(_measurement(look, mosaic is not None) for look in chosen if look.kind != "image"),
-        (*_ambiguous(groups, packed), *_doubtful_kinds(groups, found)),
+        tuple(_ambiguous(groups, packed, found)),
         tuple(_more(groups)),
         (*notes, *(w for w in frames.warnings if not w.startswith("exposure_unknown"))),
         _next(frames, kinds),
@@ -98,8 +96,7 @@ def _as_set(frames: FrameSet | str | Path | np.ndarray | Sequence[np.ndarray]) -
     if not len(stack) or any(np.ndim(frame) != 2 for frame in stack):
         expected = "a FrameSet, the path of one, or an array (n, H, W)"
         raise InputError("is no set of frames", field="frames", expected=expected)
-    records = [FrameRecord(k, f"frame {k}", "image") for k in range(len(stack))]
-    return FrameSet.from_arrays(records, stack)
+    return FrameSet.from_arrays([FrameRecord(k, f"frame {k}", "image") for k in range(len(stack))], stack)
 
 
 def _chosen(groups: list[FrameGroup]) -> list[FrameGroup]:
@@ -107,8 +104,7 @@ def _chosen(groups: list[FrameGroup]) -> list[FrameGroup]:
     first = {look.kind: look for look in reversed(groups)}
     ordered = [*first.values(), *(look for look in groups if look is not first[look.kind])]
     most_looks = 6  # groups of frames inspected, spread over kinds and levels
-    kept = ordered[:most_looks]
-    return sorted(kept, key=groups.index)
+    return sorted(ordered[:most_looks], key=groups.index)
 
 
 def _findings_of(look: FrameGroup) -> tuple[FrameGroup, list[Finding]]:
@@ -219,7 +215,7 @@ def _measurement(look: FrameGroup, coloured: bool) -> Measurement:
     return Measurement(look.kind, look.count + look.copies, level, noise, pattern, law, excess)
 
 
-def _ambiguous(groups: list[FrameGroup], packed: Finding | None) -> list[str]:
+def _ambiguous(groups: list[FrameGroup], packed: Finding | None, found: list[Finding]) -> list[str]:
     said = []
     for look in groups:
         if look.copies and np.ptp(look.frames[0]) > 0:
@@ -240,16 +236,11 @@ def _ambiguous(groups: list[FrameGroup], packed: Finding | None) -> list[str]:
         said.append(
             "frames of one scene do not tell fixed patterns from the scene; only what changes was looked at"
         )
+    if any(look.guessed for look in groups) and any(f.what in ("glow", "shading") for f in found):
+        said.append(
+            "nothing states that the frames are dark ones or flats: a dim, smooth scene that stays looks like a glow or shading"
+        )
     return said
-
-
-def _doubtful_kinds(groups: list[FrameGroup], found: list[Finding]) -> list[str]:
-    """That what is smooth may be of a scene, where nothing but level and structure told the kind."""
-    if not any(look.guessed for look in groups) or not any(f.what in ("glow", "shading") for f in found):
-        return []
-    return [
-        "nothing states that the frames are dark ones or flats: a dim, smooth scene that stays looks like a glow or shading"
-    ]
 
 
 def _more(groups: list[FrameGroup]) -> list[str]:

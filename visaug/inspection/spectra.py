@@ -1,7 +1,5 @@
 """The spectrum of line means: a white level, a rise towards low frequencies, and single lines above both."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -13,25 +11,16 @@ from visaug.inspection.finding import needed
 
 @dataclass(frozen=True)
 class Continuum:
-    """S(j) = floor(j) + white + rise j^-exponent at j cycles per frame, DN^2 of one line mean.
+    """S(j) = floor(j) + white + rise j^-exponent at j cycles per frame, DN^2 of one line mean."""
 
-    Attributes:
-        floors: (L/2,) what is expected at 1, 2, ... cycles: the pixels' own noise in a line mean, and known parts.
-        white: further variance of the lines.
-        rise, exponent: of the part that falls with the frequency.
-        gain_white, gain_rise: twice the log likelihood ratio of either part.
-        bins: number of frequencies that were used.
-        shape: shape of the gamma law of a bin.
-    """
-
-    floors: np.ndarray
-    white: float
+    floors: np.ndarray  # (L/2,) expected at 1, 2, ... cycles: pixels' noise in a line mean, and known parts
+    white: float  # further variance of the lines
     rise: float
-    exponent: float
-    gain_white: float
+    exponent: float  # of the part that falls with the frequency
+    gain_white: float  # twice the log likelihood ratio of either part
     gain_rise: float
-    bins: int
-    shape: float
+    bins: int  # number of frequencies that were used
+    shape: float  # of the gamma law of a bin
 
     def at(self, frequency: np.ndarray | float) -> np.ndarray:
         """At frequencies in cycles per frame."""
@@ -44,12 +33,11 @@ class Continuum:
 
     @property
     def floor(self) -> float:
-        """Its mean."""
+        """Mean of the floors."""
         return float(self.floors.mean())
 
     @property
     def level(self) -> float:
-        """Mean of floor and white part."""
         return self.floor + self.white
 
 
@@ -76,13 +64,11 @@ def _settled(
     level: np.ndarray, j: np.ndarray, power: np.ndarray, shape: float, floors: np.ndarray, use: np.ndarray
 ) -> tuple[float, Continuum]:
     """The fit to the bins that are no lines above it, and its log likelihood, in which lines may have any power."""
-    usual, found = use, None
     outlying = 2e-3  # probability of a bin from which it is taken for a line and left out of the continuum
     for _ in range(3):
         usual = use & (stats.gamma.sf(power * shape / np.maximum(level, 1e-12), shape) > outlying)
         found = _fit(j[usual], power[usual], shape, floors, floors[usual])
         level = np.maximum(found.at(j), 1e-12)
-    assert found is not None
     told = stats.gamma.logpdf(power, shape, scale=level / shape)
     decades = 4  # of power, over which that of a line is spread evenly by its logarithm
     rare = 0.01  # share of the frequencies that are lines, beforehand
@@ -111,15 +97,13 @@ def _fitted(
 ) -> tuple[float, np.ndarray]:
     """Log likelihood and coefficients (not negative) of floor + design x, by reweighted least squares."""
     least = np.maximum(floor, 1e-9 * float(power.mean()) + 1e-12)
-    level = np.maximum(float(power.mean()), least)
+    level = np.maximum(float(power.mean()), least) if design.shape[1] else least
     x = np.zeros(design.shape[1])
     rounds = 12
     for _ in range(rounds if design.shape[1] else 0):
         weight = 1 / level
         x, _ = optimize.nnls(design * weight[:, None], (power - floor) * weight)
         level = np.maximum(floor + design @ x, least)
-    if not design.shape[1]:
-        level = least
     return float(-shape * (np.log(level) + power / level).sum()), x
 
 
@@ -132,9 +116,8 @@ def tapered(lines: np.ndarray) -> np.ndarray:
     return (lines - lines.mean(-1, keepdims=True)) * (window / math.sqrt(np.mean(window**2)))
 
 
-FINER = (
-    2  # frequencies looked at for each that a frame resolves: an oscillation between two bins loses little
-)
+# frequencies looked at for each that a frame resolves: an oscillation between two bins loses little
+FINER = 2
 
 
 def fine_spectrum(lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

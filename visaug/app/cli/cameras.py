@@ -10,7 +10,7 @@ from visaug.core.errors import InputError
 
 @cli.command(
     "cameras",
-    example="visaug cameras\nvisaug cameras sony_imx174 > my_camera.yaml\nvisaug cameras add my_camera.yaml\n"
+    "visaug cameras\nvisaug cameras sony_imx174 > my_camera.yaml\nvisaug cameras add my_camera.yaml\n"
     "visaug cameras export my_camera",
 )
 @click.argument("words", metavar="[NAME | add FILE | export NAME]", nargs=-1)
@@ -70,6 +70,3 @@ def _list() -> None:
     cli.print_table(head, rows)
     for mistake in broken:
         click.echo(f"warning: {mistake}", err=True)
-
-
-COMMANDS: list[click.Command] = [cameras]

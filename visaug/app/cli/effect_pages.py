@@ -54,11 +54,7 @@ ACTS = {
 def print_catalogue(search: str) -> None:
     """One line for each effect, in the order of the chain, grouped by where they act.
 
-    Args:
-        search: only those that have all of these words in their name, their other names, or their description; "" for all.
-
-    Raises:
-        InputError: no effect has them.
+    Only those that have all words of `search` in their name, their other names, or their description; refused where none has.
     """
     shown = [effect for effect in catalogue().values() if is_meant(effect, search)]
     if not shown:

@@ -23,7 +23,7 @@ keypoints_option = click.option(
 )
 
 
-@cli.command("demo", example="visaug demo -o demo/")
+@cli.command("demo", "visaug demo -o demo/")
 @cli.output_option("DIR", "Folder for data, runs and report.html.", default=Path("demo"), show_default=True)
 @cli.flag("--full", "The longer study: three arms trained from nothing, four test sets.")
 def demo(output: Path, full: bool, seed: int) -> None:
@@ -40,7 +40,7 @@ def demo(output: Path, full: bool, seed: int) -> None:
 
 @cli.command(
     "prepare",
-    example="visaug prepare speedplusv2.zip -o datasets/speedplus\n"
+    "visaug prepare speedplusv2.zip -o datasets/speedplus\n"
     "visaug prepare speed.zip -o datasets/speed --coco --size 640x400\nvisaug prepare datasets/speed",
 )
 @click.argument("archive", metavar="ARCHIVE", type=cli.PATH)
@@ -66,7 +66,7 @@ def prepare(
     click.echo(said)
 
 
-@cli.command("train", example="visaug train configs/demo.yaml --arm vis")
+@cli.command("train", "visaug train configs/demo.yaml --arm vis")
 @config_argument
 @arm_option
 @cli.effects_option()
@@ -75,7 +75,7 @@ def train(config_path: Path, arm: str | None, seed: int) -> None:
     run("train", config_path, seed, arm=arm)
 
 
-@cli.command("ablate", example="visaug ablate configs/speedplus.yaml")
+@cli.command("ablate", "visaug ablate configs/speedplus.yaml")
 @config_argument
 @cli.effects_option()
 def ablate(config_path: Path, seed: int) -> None:
@@ -95,7 +95,7 @@ def run(what: str, config_path: Path, seed: int, **more: Any) -> None:
 
 @cli.command(
     "evaluate",
-    example="visaug evaluate configs/demo.yaml --arm vis\n"
+    "visaug evaluate configs/demo.yaml --arm vis\n"
     "visaug evaluate --predictions P.json --data speedplus/ --domain lightbox --json scores.json\n"
     "visaug evaluate configs/speed.yaml --data speed/ --domain real_test --poses submission.csv\n"
     "visaug evaluate configs/demo.yaml --arm vis --severity sony_imx174 -o severity/",
@@ -176,23 +176,17 @@ def evaluate(
         raise InputError("go with --severity", field="--curve and --output", expected="--severity CAMERA")
     cli.may_write(poses_csv, force)
     elsewhere = None if data is None or domain is None else (data, domain, split)
-    if severity_camera is not None:
-        if config_path is None or poses_csv or json_path:
-            expected = (
-                "CONFIG, without --poses and --json; for another network visaug_train.severity.severity"
-            )
-            raise InputError("needs the network itself", field="--severity", expected=expected)
-        with extra(), progress_bars() as progress:
-            from visaug_train import commands
-
-            folder, how = output or Path("severity"), ([*curves], seed, progress, arm, elsewhere)
-            said = commands.severity_curves(config_path, severity_camera, folder, *how)
-        click.echo(said)
-        return
+    if severity_camera is not None and (config_path is None or poses_csv or json_path):
+        expected = "CONFIG, without --poses and --json; for another network visaug_train.severity.severity"
+        raise InputError("needs the network itself", field="--severity", expected=expected)
     scores: dict[str, Any]
     with extra(), progress_bars() as progress:
         from visaug_train import commands
 
+        if config_path is not None and severity_camera is not None:
+            folder, how = output or Path("severity"), ([*curves], seed, progress, arm, elsewhere)
+            click.echo(commands.severity_curves(config_path, severity_camera, folder, *how))
+            return
         if config_path is not None:
             scores = commands.evaluate(config_path, seed, progress, arm, elsewhere, poses_csv)
         else:
@@ -233,6 +227,3 @@ def print_scores(scores: dict[str, dict[str, Any]]) -> None:
         rows.append([domain, str(s["images"]), *("" if v is None else f"{v:.4f}" for v in values)])
     if rows:
         cli.print_table(["domain", "images", *columns], rows)
-
-
-COMMANDS: list[click.Command] = [demo, prepare, train, ablate, evaluate]

@@ -4,28 +4,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import click
 
+import visaug
+from visaug import report
 from visaug.app.cli import options as cli
 from visaug.app.cli import summaries
 from visaug.core.errors import InputError, NoSensorNoise
 from visaug.core.extras import check_installed, extra
 from visaug.core.files import write_json
 from visaug.core.progress import progress_bars
-from visaug.report.next_step import (
-    Inputs,
-    after_characterization,
-    after_comparison,
-    after_diagnosis,
-    after_pictures,
-    picture_inputs,
-)
-
-if TYPE_CHECKING:
-    from visaug.camera import Camera
-    from visaug.frames import FrameSet
+from visaug.report import next_step
+from visaug.report.next_step import Inputs
+from visaug.report.pages import possible_pictures
 
 # what `characterize --maps` writes, and what --use-maps writes beside it
 MAPS = ("master_bias.fits", "response.fits", "read_noise.fits", "dark_current.fits", "defects.fits")
@@ -33,9 +26,7 @@ CAMERA_MAPS = ("prnu.npy", "dsnu.npy", "read_noise.npy", "dark_current_nonunifor
 MISFIT = 3  # exit status of `compare --fail-on-misfit`; 1 and 2 are failures of the program and of its input
 
 
-@cli.command(
-    "characterize", example="visaug characterize frames/ -o camera.yaml --report characterization.html"
-)
+@cli.command("characterize", "visaug characterize frames/ -o camera.yaml --report characterization.html")
 @cli.frames_argument
 @cli.camera_option(required=False)
 @cli.effects_option()
@@ -84,8 +75,6 @@ def characterize(
     without a calibrated source) are taken from that camera. All others are reported as not determined. A folder of
     ordinary pictures gives an effective camera: the noise of these pictures, each figure with its assumption.
     """
-    import visaug
-
     cli.may_write(output, force)
     if use_maps and not (output and maps_path):
         expected = "-o and --maps beside it"
@@ -125,34 +114,25 @@ def characterize(
         click.echo("no map is written: the frames determine none; two or more bias frames do", err=True)
         maps_path = None
     if report_path:
-        from visaug.report import write_characterization
-
-        write_characterization(report_path, result, frames, output, camera)
+        report.write_characterization(report_path, result, frames, output, camera)
     if sheets:
-        _write_sheets(sheets, frames, camera, seed, quiet)
+        from visaug.characterization.points import operating_points
+
+        with progress_bars(quiet=quiet) as progress:
+            points = operating_points(frames, camera, seed, progress)
+        for path in sheets:
+            if path.suffix.lower() == ".json":
+                write_json(path, report.sheet_json(points))
+            else:
+                report.write_sheet(path, points, frames)
     if not silent:
         cli.written(output, maps_path, json_path, report_path, *sheets)
         if no_camera is None and (not frames.is_pictures or "gain_e_per_dn" in result.parameters):
             inputs = replace(Inputs.of(camera, frames, output), transfer=result.transfer or "linear")
-            step = after_characterization(inputs, frames.is_pictures, result.has_gain, camera is not None)
-            summaries.print_next(step)
+            known = frames.is_pictures, result.has_gain, camera is not None
+            summaries.print_next(next_step.after_characterization(inputs, *known))
     if no_camera is not None:
         raise no_camera
-
-
-def _write_sheets(
-    sheets: tuple[Path, ...], frames: "FrameSet", camera: "Camera | None", seed: int, quiet: bool
-) -> None:
-    from visaug.characterization.points import operating_points
-    from visaug.report import sheet_json, write_sheet
-
-    with progress_bars(quiet=quiet) as progress:
-        points = operating_points(frames, camera, seed, progress)
-    for path in sheets:
-        if path.suffix.lower() == ".json":
-            write_json(path, sheet_json(points))
-        else:
-            write_sheet(path, points, frames)
 
 
 transfer_option = cli.choice_option(
@@ -160,7 +140,7 @@ transfer_option = cli.choice_option(
 )
 
 
-@cli.command("compare", example="visaug compare frames/ --camera camera.yaml --report comparison.html")
+@cli.command("compare", "visaug compare frames/ --camera camera.yaml --report comparison.html")
 @cli.frames_argument
 @cli.camera_option(required=False)
 @cli.path_option(
@@ -191,13 +171,9 @@ def compare(
     The statistics of the frames are compared with those of simulated frames. Deviations are listed by view.
     With --target, pictures are compared with pictures: what the camera of the target does that FRAMES lack.
     """
-    import visaug
-
     if target is None and camera_name is None:
         raise InputError("is missing", field="--camera", expected="a camera, or --target PICTURES")
     if target is None and report_path:
-        from visaug.report.pages import possible_pictures
-
         for file in possible_pictures(report_path):
             cli.may_replace(file, force)
     camera = cli.load_camera(camera_name) if camera_name else None
@@ -211,7 +187,7 @@ def compare(
         with progress_bars(quiet=quiet) as progress:
             result = compare_pictures(renders, wanted, camera, transfer, seed, progress)
         content = result.to_json()
-        step = after_pictures(content, picture_inputs(result))
+        step = next_step.after_pictures(content, next_step.picture_inputs(result))
         if not silent:
             summaries.print_comparison(content)
         cli.write_result(json_path, content)
@@ -224,13 +200,11 @@ def compare(
             result = visaug.compare(camera, frames, seed=seed, progress=progress, transfer=transfer)
         inputs = replace(Inputs.of(camera, frames), transfer=transfer)
         content = result.to_json()
-        step = after_comparison(content, inputs)
+        step = next_step.after_comparison(content, inputs)
         if not silent:
             summaries.print_comparison(content)
         if report_path:
-            from visaug.report import write_comparison
-
-            pictures = write_comparison(report_path, result, camera, frames, seed, inputs)
+            pictures = report.write_comparison(report_path, result, camera, frames, seed, inputs)
             content["pictures"] = {name: str(path) for name, path in pictures.items()}
         cli.write_result(json_path, content)
     if not silent:
@@ -256,7 +230,7 @@ def _warning_of_renders(json_path: Path | None, fail_on_misfit: bool = False) ->
 
 
 @cli.command(
-    "diagnose", example="visaug diagnose frames/ --camera camera.yaml -o better.yaml --report diagnosis.html"
+    "diagnose", "visaug diagnose frames/ --camera camera.yaml -o better.yaml --report diagnosis.html"
 )
 @cli.frames_argument
 @cli.camera_option()
@@ -305,7 +279,6 @@ def diagnose(
     The camera is refitted with the missing effects. The error is given before and after. FRAMES may be a folder of ordinary
     pictures: effects that show in a black sky and in flat regions are then found, and those that pictures cannot show are named.
     """
-    import visaug
     from visaug.app.cli.effect_pages import find
     from visaug.diagnosis.empirical import file_beside
 
@@ -339,15 +312,13 @@ def diagnose(
     inputs = replace(Inputs.of(camera, frames, output), transfer=transfer, options=tuple(chosen))
     cli.write_result(json_path, result.to_json())
     if report_path:
-        from visaug.report import write_diagnosis
-
-        write_diagnosis(report_path, result, camera, frames, seed, inputs)
+        report.write_diagnosis(report_path, result, camera, frames, seed, inputs)
     if not cli.is_silent(quiet, json_path):
         cli.written(output, part.file if part else None, json_path, report_path)
-        summaries.print_next(after_diagnosis(result.to_json(), inputs))
+        summaries.print_next(next_step.after_diagnosis(result.to_json(), inputs))
 
 
-@cli.command("lab", example="visaug lab frames/ --camera camera.yaml")
+@cli.command("lab", "visaug lab frames/ --camera camera.yaml")
 @cli.frames_argument
 @cli.camera_option()
 @cli.effects_option("File with your own effects; the page can load more.", pass_on=True)
@@ -388,6 +359,3 @@ def lab(
         serve(bench, port, say=click.echo, ready=click.launch if browser else None)
     except KeyboardInterrupt:
         click.echo("the lab is closed")
-
-
-COMMANDS: list[click.Command] = [characterize, compare, diagnose, lab]

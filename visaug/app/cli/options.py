@@ -5,18 +5,15 @@ import shlex
 from collections.abc import Callable, Iterable, Sequence
 from functools import reduce
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import visaug
 from visaug.core.errors import InputError
 from visaug.core.extras import check_installed
 from visaug.core.files import check_place, is_result, write_json
 from visaug.core.wording import printable
-
-if TYPE_CHECKING:
-    from visaug.camera import Camera
-    from visaug.frames import FrameSet
 
 Decorator = Callable[[Callable], Callable]
 STANDARD_OUTPUT = Path("-")
@@ -68,21 +65,21 @@ def _check_places(context: click.Context) -> None:
                 raise InputError(problem, file=path, expected="a name for each")
 
 
-def option_with_default(name: str, kind: click.ParamType, default: Any, text: str) -> Decorator:
+def with_default(name: str, kind: click.ParamType, default: Any, text: str) -> Decorator:
     """An option whose default the help shows."""
     return click.option(name, type=kind, default=default, show_default=True, help=text)
 
 
 def choice_option(name: str, choices: Sequence[str], text: str) -> Decorator:
     """An option with a few choices, the first by default."""
-    return option_with_default(name, click.Choice(choices), choices[0], text)
+    return with_default(name, click.Choice(choices), choices[0], text)
 
 
-def command(name: str, *, example: str) -> Callable[[Callable], click.Command]:
+def command(name: str, example: str) -> Callable[[Callable], click.Command]:
     """A command with `--seed` and an example under its help."""
     epilog = "\b\nExample:\n  " + example.replace("\n", "\n  ")
     seeds = click.IntRange(0, 2**63 - 1)  # what torch takes
-    seeded = option_with_default("--seed", seeds, 0, "Seed of all random numbers.")
+    seeded = with_default("--seed", seeds, 0, "Seed of all random numbers.")
     return lambda function: click.command(name, cls=_Command, epilog=epilog)(seeded(function))
 
 
@@ -189,10 +186,7 @@ def may_write(path: Path | None, force: bool) -> None:
 def may_replace(
     path: Path | None, force: bool, expected: str = "another name, or --force to replace it"
 ) -> None:
-    """Refuse, before any work, a place where no file can be, and to replace a file that is no result of visaug.
-
-    Its own results are made anew.
-    """
+    """Refuse, before any work, a place where no file can be, and to replace a file that is no result of visaug."""
     if path is None or path == STANDARD_OUTPUT:
         return
     check_place(path)
@@ -209,18 +203,14 @@ def numbers(text: str, field: str) -> tuple[float, ...]:
         raise InputError(problem, field=field, expected="for instance 0.1,0.5,2") from None
 
 
-def load_camera(name: str) -> "Camera":
-    from visaug.camera import Camera
-
-    return Camera.load(name)
+def load_camera(name: str) -> "visaug.Camera":
+    return visaug.Camera.load(name)
 
 
 def load_frames(
     path: Path, resolution: tuple[int, int] | None, bit_depth: int | None, quiet: bool = False
-) -> "FrameSet":
+) -> "visaug.FrameSet":
     """The frames; a line to standard error where those of a laboratory may have been taken for ordinary pictures."""
-    import visaug
-
     frames = visaug.FrameSet.load(path, resolution, bit_depth)
     untold = frames.is_pictures and path.is_dir() and not (path / "frames.csv").exists()
     if untold and not quiet and (frames.bit_depth or 0) > 8:

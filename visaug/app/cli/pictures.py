@@ -1,5 +1,6 @@
 """Commands on ordinary pictures: augment, preview; and example data."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,18 +21,11 @@ class Range(click.ParamType):
 
     name = "A[:B]"
 
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float | tuple[float, float]:
-        try:
-            ends = [float(end) for end in str(value).split(":")]
-        except ValueError:
-            ends = []
-        match ends:
-            case [one]:
-                return one
-            case [low, high]:
-                return low, high
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        with suppress(ValueError):
+            ends = tuple(float(end) for end in str(value).split(":"))
+            if len(ends) <= 2:
+                return ends if len(ends) == 2 else ends[0]
         self.fail(f"{value!r} is not a number or a pair of numbers such as 0:24", param, ctx)
 
 
@@ -43,16 +37,14 @@ light_options = cli.all_of(
         "Encoding of the pixel values. auto: from colour profile, tags, bit depth and number of channels.",
     ),
     click.option(
-        "--gain-db",
-        type=Range(),
-        help="Gain in dB on the camera's scale. With A:B, drawn for each picture.",
+        "--gain-db", type=Range(), help="Gain in dB on the camera's scale. With A:B, drawn for each picture."
     ),
     click.option(
         "--exposure",
         type=Range(),
         help="Fraction of the saturation exposure, 1e-6 to 1; the brightness is restored. With A:B, drawn for each picture.",
     ),
-    cli.option_with_default(
+    cli.with_default(
         "--strength", click.FloatRange(min=0), 1.0, "Factor on the standard deviation of the noise."
     ),
     click.option(
@@ -63,17 +55,13 @@ light_options = cli.all_of(
 )
 
 
-@cli.command(
-    "augment", example="visaug augment photos/ portrait.tif -o noisy/ --camera sony_imx174 --gain-db 0:24"
-)
+@cli.command("augment", "visaug augment photos/ portrait.tif -o noisy/ --camera sony_imx174 --gain-db 0:24")
 @click.argument("inputs", metavar="IN...", nargs=-1, required=True, type=cli.PATH)
 @cli.output_option("OUT", "Folder for the copies.", required=True)
 @cli.camera_option(if_repeated="If repeated, one is drawn for each picture.")
 @light_options
-@cli.option_with_default("--p", click.FloatRange(0, 1), 1.0, "Probability that a copy gets noise.")
-@cli.option_with_default(
-    "--copies", click.IntRange(min=1), 1, "Copies of each picture: a_1.png, a_2.png, ..."
-)
+@cli.with_default("--p", click.FloatRange(0, 1), 1.0, "Probability that a copy gets noise.")
+@cli.with_default("--copies", click.IntRange(min=1), 1, "Copies of each picture: a_1.png, a_2.png, ...")
 @cli.flag(
     "--copy-labels labels",
     "Copy everything else of the folders too: YOLO labels to where ultralytics looks for them, annotations, masks and "
@@ -121,7 +109,7 @@ def augment(inputs: tuple[Path, ...], output: Path, camera_names: tuple[str, ...
 
 
 @cli.command(
-    "preview", example="visaug preview photo.jpg --camera sony_imx174 --camera canon_5d4_iso800 -o sheet.png"
+    "preview", "visaug preview photo.jpg --camera sony_imx174 --camera canon_5d4_iso800 -o sheet.png"
 )
 @click.argument("picture", metavar="IMAGE", type=cli.PATH)
 @cli.camera_option(if_repeated="If repeated, the sheet shows each.")
@@ -142,8 +130,7 @@ def preview(picture: Path, camera_names: tuple[str, ...], output: Path, **option
 
 
 @cli.command(
-    "example",
-    example="visaug example example/\nvisaug preview example/render.png --camera sony_imx174 -o sheet.png",
+    "example", "visaug example example/\nvisaug preview example/render.png --camera sony_imx174 -o sheet.png"
 )
 @click.argument("folder", metavar="DIR", type=cli.PATH)
 def example(folder: Path, seed: int) -> None:
@@ -175,12 +162,9 @@ def _say(done: "Augmented", output: Path) -> None:
         parts = [f"{WORDS[kind]} for {count} ({why})" for (kind, why), count in sorted(done.assumed.items())]
         click.echo(f"transfer function: {', '.join(parts)}")
     skipped = ", ".join(f"{count} {suffix}" for suffix, count in sorted(done.skipped.items()))
-    clipped = "1 is white; divide a high-dynamic-range render by the value that shall be white first"
+    clipped = "which are clipped: 1 is white; divide a high-dynamic-range render by the value that shall be white first"
     for there, said in (
-        (
-            done.clipped,
-            f"{counted(done.clipped, 'picture')} with values outside [0, 1], which are clipped: {clipped}",
-        ),
+        (done.clipped, f"{counted(done.clipped, 'picture')} with values outside [0, 1], {clipped}"),
         (done.skipped, f"skipped {counted(sum(done.skipped.values()), 'file')}: {skipped}"),
         (done.outputs, f"skipped copies of visaug augment in {', '.join(map(str, done.outputs))}"),
         (done.again, f"noise was added to copies of visaug augment: {', '.join(map(str, done.again))}"),
@@ -189,6 +173,3 @@ def _say(done: "Augmented", output: Path) -> None:
     ):
         if there:
             click.echo(said)
-
-
-COMMANDS: list[click.Command] = [augment, preview, example]

@@ -13,7 +13,7 @@ from types import FrameType
 import click
 
 from visaug import __version__
-from visaug.app.cli import cameras, inspecting, learn, measure, pictures, take
+from visaug.app.cli import cameras, learn, measure, pictures, take
 from visaug.core.errors import InputError, NoSensorNoise, PartlyFailed, described, user_line
 from visaug.core.wording import printable
 
@@ -45,9 +45,12 @@ def program() -> None:
     """
 
 
-for module in (pictures, cameras, take, inspecting, measure, learn):
-    for command in module.COMMANDS:
-        program.add_command(command)
+on_pictures = pictures.augment, pictures.preview, pictures.example, cameras.cameras
+on_frames = take.simulate, take.plan, take.frames, take.effects, take.inspect
+of_cameras = measure.characterize, measure.compare, measure.diagnose, measure.lab
+of_networks = learn.demo, learn.prepare, learn.train, learn.ablate, learn.evaluate
+for command in (*on_pictures, *on_frames, *of_cameras, *of_networks):
+    program.add_command(command)
 
 
 class _Terminated(KeyboardInterrupt):
@@ -95,9 +98,8 @@ def main(arguments: list[str] | None = None) -> None:
         click.echo(f"visaug: {one_line(mistake)}", err=True)
         sys.exit(2)
     except Exception as failure:
-        # pathlib's, which is no OSError
-        loop = str(failure) if str(failure).startswith("Symlink loop") else None
-        fault = loop or users_fault(failure)
+        is_loop = str(failure).startswith("Symlink loop")  # pathlib's, which is no OSError
+        fault = str(failure) if is_loop else users_fault(failure)
         if fault is None:
             raise
         click.echo(f"visaug: {fault}", err=True)

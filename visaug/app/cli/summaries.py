@@ -18,9 +18,8 @@ def print_characterization(result: dict[str, Any], camera_file: str | None) -> N
     """What was found beyond the base chain, a table of parameters with intervals, what stays open, and warnings."""
     if said := headline.characterization_headline(result, camera_file):
         click.echo(said)
-    rows = [
-        [name, headline.entry_text(e, ""), e["unit"], e["from"]] for name, e in result["parameters"].items()
-    ]
+    parameters = result["parameters"].items()
+    rows = [[name, headline.entry_text(e, ""), e["unit"], e["from"]] for name, e in parameters]
     print_table(["parameter", "value [95 % interval]", "unit", "source"], rows)
     needed: dict[str, list[str]] = {}
     for entry in result["not_determined"]:
@@ -39,9 +38,8 @@ def print_survey(found: "Survey") -> None:
 
     conditions = found.conditions().items()
     rows = [[kind or "?", str(count), *cells(values)] for (kind, *values), count in conditions]
-    print_table(
-        ["kind", "frames", "exposure s", "temperature C", "gain dB", "setting", "filter", "photons"], rows
-    )
+    head = ["kind", "frames", "exposure s", "temperature C", "gain dB", "setting", "filter", "photons"]
+    print_table(head, rows)
     told = [[first_of(files, 1), *cells(key, "?")] for key, files in found.told_by().items()]
     print_table(["files", "kind", "from", "exposure s", "from", "temperature C", "from"], told)
     for note in found.notes:

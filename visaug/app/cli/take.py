@@ -1,4 +1,4 @@
-"""Commands that make frames or tell what can be made: simulate, plan, frames, effects."""
+"""Commands on frames, simulate, plan, frames, inspect; and the catalogue of effects."""
 
 from pathlib import Path
 from typing import Any
@@ -10,11 +10,11 @@ from visaug.app.cli import summaries
 from visaug.core.errors import InputError
 from visaug.core.files import whole_file, write_text
 from visaug.core.progress import progress_bars
+from visaug.report.inspected import FINDING_HEAD, finding_row, measured_texts, next_step
 
 
 @cli.command(
-    "simulate",
-    example="visaug plan -o frames.csv\nvisaug simulate frames.csv --camera sony_imx174 -o frames/",
+    "simulate", "visaug plan -o frames.csv\nvisaug simulate frames.csv --camera sony_imx174 -o frames/"
 )
 @click.argument("plan_path", metavar="PLAN", type=cli.PATH)
 @cli.camera_option()
@@ -45,7 +45,7 @@ def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed:
 
 @cli.command(
     "plan",
-    example="visaug plan --camera sony_imx174 --temperatures 20 --gains-db 0 -o frames.csv\n"
+    "visaug plan --camera sony_imx174 --temperatures 20 --gains-db 0 -o frames.csv\n"
     "visaug plan --exposure 0.02 --dark-exposures 0.1,1,10 --levels 0.1,0.3,0.6,1.1 -o frames.csv",
 )
 @cli.camera_option(required=False)
@@ -68,19 +68,14 @@ def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed:
 @click.option("--repeats", type=int, metavar="N", help="Frames per setting, 2 or more.")
 @click.option("--bias-frames", type=int, metavar="N", help="Bias frames, 2 or more.")
 @cli.option(
-    "--for effects_for",
+    "--for wanted",
     "EFFECT,...",
     "With --camera: what the frames would show of these effects, and what looks alike.",
 )
 @cli.output_option("frames.csv", "Write the plan as a frames.csv.")
 @cli.force_option
 def plan(
-    camera_name: str | None,
-    effects_for: str | None,
-    output: Path | None,
-    force: bool,
-    seed: int,
-    **given: Any,
+    camera_name: str | None, wanted: str | None, output: Path | None, force: bool, seed: int, **given: Any
 ) -> None:
     """List the frames to take of a camera, and why.
 
@@ -91,10 +86,10 @@ def plan(
     from visaug.frames.table import write_table
 
     cli.may_write(output, force)
-    if effects_for is not None:
+    if wanted is not None:
         if not camera_name:
             raise InputError("needs a camera", field="--for", expected="--camera CAMERA")
-        names = list(dict.fromkeys(name.strip() for name in effects_for.split(",") if name.strip()))
+        names = list(dict.fromkeys(name.strip() for name in wanted.split(",") if name.strip()))
         if not names:
             raise InputError("names no effect", field="--for", expected="for example row_noise,smear")
         with progress_bars(single=True) as progress:
@@ -125,9 +120,7 @@ def plan(
     cli.written(output)
 
 
-@cli.command(
-    "frames", example="visaug frames measured/ -o measured/frames.csv --bit-depth 12 --temperature 20"
-)
+@cli.command("frames", "visaug frames measured/ -o measured/frames.csv --bit-depth 12 --temperature 20")
 @click.argument("folder", metavar="FOLDER", type=cli.PATH)
 @cli.bit_depth_option
 @cli.option(
@@ -141,13 +134,7 @@ def plan(
 @cli.output_option("frames.csv", "Write the table; the column `file` is relative to its folder.")
 @cli.force_option
 def frames(
-    folder: Path,
-    bit_depth: int | None,
-    resolution: str | None,
-    output: Path | None,
-    force: bool,
-    seed: int,
-    **given: float | None,
+    folder: Path, resolution: str | None, output: Path | None, force: bool, seed: int, **given: float | None
 ) -> None:
     """Write the frames.csv of a folder.
 
@@ -159,18 +146,73 @@ def frames(
     from visaug.frames.survey import parse_resolution, survey
 
     cli.may_write(output, force)
-    values = {**given, "bit_depth": bit_depth}
     with progress_bars() as progress:
-        found = survey(folder, values, parse_resolution(resolution), progress=progress)
+        found = survey(folder, given, parse_resolution(resolution), progress=progress)
     summaries.print_survey(found)
     if output:
         write_text(output, found.text(output.parent))
     cli.written(output)
 
 
+@cli.command("inspect", "visaug inspect dark/ --report inspection.html --defects defects.csv")
+@cli.frames_argument
+@cli.bit_depth_option
+@cli.path_option(
+    "--defects defects_path",
+    "F.csv",
+    "Write the places of hot, dead and unstable pixels and of defective lines.",
+    callback=cli.check_result,
+)
+@cli.result_options
+def inspect(
+    frames_path: Path,
+    bit_depth: int | None,
+    defects_path: Path | None,
+    force: bool,  # read by the options
+    json_path: Path | None,
+    report_path: Path | None,
+    quiet: bool,
+    seed: int,
+) -> None:
+    """Find the patterns in a handful of frames.
+
+    2 to 200 frames of any kind; no camera file, exposure or calibrated light is needed. Each pattern is given in DN with a
+    95 % interval, and as fixed or new in each frame. The first line is the answer in one sentence.
+
+    Kinds are taken from a table or headers, else from names (dark_000.png, bias, flat), else from level and structure.
+    """
+    import visaug
+    from visaug.inspection.material import load_pixels
+
+    frames = load_pixels(frames_path, bit_depth)
+    silent = cli.is_silent(quiet, json_path)
+    with progress_bars(quiet=silent) as progress:
+        progress("inspecting", 0, 1)
+        result = visaug.inspect(frames)
+        progress("inspecting", 1, 1)
+    if not silent:
+        click.echo("\n".join([result.answer, *measured_texts(result)]))
+        if result.findings:
+            cli.print_table(FINDING_HEAD, map(finding_row, result.findings))
+            for finding in result.findings:
+                click.echo(f"- {finding.text}")
+        titles = "cannot tell", "would tell more (see visaug plan)", "note"
+        for title, lines in zip(titles, (result.ambiguous, result.more, result.notes), strict=True):
+            for line in lines:
+                click.echo(f"{title}: {line}")
+    cli.write_result(json_path, result.to_json())
+    if report_path:
+        result.report(report_path)
+    if defects_path:
+        result.save_defects(defects_path)
+    if not silent:
+        cli.written(json_path, report_path, defects_path)
+        summaries.print_next(next_step(result))
+
+
 @cli.command(
     "effects",
-    example="visaug effects row_noise\nvisaug effects --search banding\n"
+    "visaug effects row_noise\nvisaug effects --search banding\n"
     "visaug effects new my_effect\nvisaug effects check my_effect.py",
 )
 @click.argument("words", metavar="[NAME | new NAME | check FILE.py]", nargs=-1)
@@ -205,6 +247,3 @@ def effects(words: tuple[str, ...], search: str | None, output: Path | None, see
         case _:
             said = "nothing, a NAME, new NAME, or check FILE.py"
             raise InputError(" ".join(words), field="visaug effects", expected=said)
-
-
-COMMANDS: list[click.Command] = [simulate, plan, frames, effects]

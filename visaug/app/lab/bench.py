@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -11,8 +12,7 @@ from visaug.camera import Camera
 from visaug.camera.maps import named_maps, set_map
 from visaug.core.errors import InputError
 from visaug.core.progress import Progress
-from visaug.diagnosis import SETS, Diagnosis
-from visaug.diagnosis.comparison import Comparison
+from visaug.diagnosis import SETS
 from visaug.diagnosis.session import Session, Setup
 from visaug.effects import catalogue, load_file
 from visaug.frames import FrameSet
@@ -21,22 +21,13 @@ from visaug.report.next_step import Inputs
 
 @dataclass
 class Past:
-    """States of the bench in the order in which they came about.
-
-    Attributes:
-        entries: what was done and the state after it; the first is the camera file as given.
-        at: which of them is current.
-    """
+    """What was done and the state after it, in this order, the first the camera file as given; and which of them is current."""
 
     entries: list[tuple[str, Setup]] = field(default_factory=lambda: [("camera as given", Setup())])
     at: int = 0
 
     def put(self, action: str, setup: Setup, instead: bool = False) -> None:
-        """After a change: states that were undone are dropped.
-
-        Args:
-            instead: the change goes on with the last one, in whose place it is put.
-        """
+        """After a change, which may take the place of the last one: states that were undone are dropped."""
         first = self.at if instead and self.at else self.at + 1
         self.entries[first:] = [(action, setup)]
         self.at = first
@@ -51,23 +42,9 @@ class Bench:
     """The lab without its page. Methods that take `progress` are long.
 
     Args:
-        camera: the model, as its file has it.
-        frames: measured bias, dark, flat or scene frames.
         own: names of effects of one's own that are loaded already.
         output: where `save` writes the camera, beside what the page hands out.
-        sets: simulated sets of the camera file.
         force: whether `save` may overwrite a file that it did not write.
-
-    Attributes:
-        given, frames: the camera file, and the frames that a camera model can explain.
-        comparison, diagnosis: of the camera file as given; None until they are done.
-        now: the current camera.
-        loaded: names of effects of one's own.
-        past: the cameras before.
-        own_picture: a picture of the user's own; None until one is chosen.
-
-    Raises:
-        InputError: frames of which nothing is known, too few frames.
     """
 
     def __init__(
@@ -89,21 +66,11 @@ class Bench:
         self.past = Past()
         self._uploads = TemporaryDirectory(prefix="visaug-lab-")
 
-    @property
-    def comparison(self) -> Comparison | None:
-        return self.session.comparison
-
-    @property
-    def diagnosis(self) -> Diagnosis | None:
-        return self.session.diagnosis
-
-    @property
-    def now(self) -> Setup:
-        return self.session.now
-
-    @property
-    def camera(self) -> Camera:
-        return self.session.camera
+    # of the camera file as given, None until they are done; and the current camera
+    comparison = property(attrgetter("session.comparison"))
+    diagnosis = property(attrgetter("session.diagnosis"))
+    now = property(attrgetter("session.now"))
+    camera = property(attrgetter("session.camera"))
 
     @property
     def has_excess(self) -> bool:
@@ -171,11 +138,7 @@ class Bench:
         return self.session.can_add()
 
     def save(self) -> Path | None:
-        """Writes the current camera where `output` says; returns that path.
-
-        Raises:
-            InputError: there is a file that this lab did not write, or that was changed since.
-        """
+        """Writes the current camera where `output` says, but not over a file that this lab did not write; returns that path."""
         if self.output is None:
             return None
         if not self.force and self.output.exists() and self.output.read_bytes() != self._saved:
@@ -230,11 +193,7 @@ class Bench:
 
 
 def load_own(file: str | Path) -> list[str]:
-    """Takes up the effects of a Python file, which is run; their names.
-
-    Raises:
-        InputError: a file that cannot be imported or holds no effect, an effect without a strength to fit.
-    """
+    """Takes up the effects of a Python file, which is run; their names."""
     found = load_file(file)
     expected = "a Parameter with strength=True, at which the effect vanishes when it is zero"
     for effect in found:

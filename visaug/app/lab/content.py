@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import astuple
 from typing import Any
 
 from visaug.app.lab.bench import Bench, summary
@@ -14,19 +15,16 @@ from visaug.report.headline import diagnosis_headline, verdict_row, view_title
 from visaug.report.next_step import PICTURES, NextStep, after_comparison, after_diagnosis
 from visaug.report.pages import described, unit_text
 from visaug.statistics import VIEWS
-from visaug.statistics.distance import Error
 from visaug.statistics.places import Place
 
 
 def content(bench: Bench, wanted: Mapping[str, float]) -> dict[str, Any]:
-    """Everything that changes on the page.
-
-    Args:
-        wanted: numbers set by hand that no estimate has taken up yet.
-    """
+    """Everything that changes on the page; `wanted`: numbers set by hand that no estimate has taken up yet."""
     views = _views(bench)
     candidates = _candidates(bench)
     effects, rows = _effects(bench), _numbers(bench, wanted)
+    for effect in effects:
+        effect["fields"] = [row for row in rows if row["path"].startswith(f"{effect['name']}.")]
     own = {effect["name"] for effect in effects}
     selection = bench.session.fits.lab.selection
     listed = {entry["name"] for entry in candidates}
@@ -44,9 +42,7 @@ def content(bench: Bench, wanted: Mapping[str, float]) -> dict[str, Any]:
         "compared": bench.comparison is not None,
         "diagnosed": bench.diagnosis is not None,
         "changed": bench.now.fit is not None,
-        "effects": [
-            e | {"fields": [r for r in rows if r["path"].startswith(f"{e['name']}.")]} for e in effects
-        ],
+        "effects": effects,
         "candidates": candidates,
         "verdicts": [verdict_row(v.to_json()) for v in bench.diagnosis.effects] if bench.diagnosis else [],
         "addable": [name for name in bench.can_add() if name not in listed],
@@ -68,7 +64,8 @@ def verdict(bench: Bench) -> str:
         return f"{_changes(bench)}: {estimate}."
     if fit:
         said = _judged(_changes(bench), fit.adequate, fit.p_value, fit.where)
-        return f"{said} Its error is {_with_interval(fit.error)}." if fit.error and bench.has_excess else said
+        error = fit.error if bench.has_excess else None
+        return f"{said} Its error is {with_interval(*astuple(error))}." if error else said
     if bench.diagnosis:
         return _diagnosed(bench.diagnosis)
     if c := bench.comparison:
@@ -102,11 +99,7 @@ def _diagnosed(found: Diagnosis) -> str:
     if not found.accepted or found.error_after is None:
         return said
     left = f"{'No' if found.adequate_after else 'A'} significant difference is left."
-    return f"{said} Adding it takes the error on hold-out frames from 1 to {_with_interval(found.error_after)}. {left}"
-
-
-def _with_interval(error: Error) -> str:
-    return with_interval(error.value, error.low, error.high)
+    return f"{said} Adding it takes the error on hold-out frames from 1 to {with_interval(*astuple(found.error_after))}. {left}"
 
 
 def _judged(subject: str, holds: bool, p: float, places: tuple[Place, ...]) -> str:
@@ -127,9 +120,7 @@ def _changes(bench: Bench) -> str:
 def _error(bench: Bench) -> dict[str, Any]:
     """The error of the current camera: a number, its interval, and what it means."""
 
-    def shown(
-        text: str, note: str, value: float | None = None, interval: str | None = None
-    ) -> dict[str, Any]:
+    def shown(text: str, note: str, value: float | None = None, interval: str = "") -> dict[str, Any]:
         return {"text": text, "interval": interval, "value": value, "note": note}
 
     if bench.comparison is None:
@@ -199,8 +190,7 @@ def _candidates(bench: Bench) -> list[dict[str, Any]]:
             "missing": found is not None and ranked.effect in found.accepted,
         }
     for name in (*bench.loaded, *bench.now.without):
-        blank = {"probability": None, "error": None, "numbers": [], "missing": False}
-        entries.setdefault(name, blank)
+        entries.setdefault(name, {"probability": None, "error": None, "numbers": [], "missing": False})
     return [
         {"name": name, "summary": summary(name), "there": name in there} | entry
         for name, entry in entries.items()
@@ -219,13 +209,8 @@ def _places(bench: Bench) -> tuple[Place, ...]:
 
 
 def _place(place: Place) -> dict[str, Any]:
-    return {
-        "title": view_title(place.view),
-        "share": place.share,
-        "percent": share_text(place.share),
-        "worst": statistic_text(place.worst),
-        "z": f"{place.z:.1f}",
-    }
+    said = {"percent": share_text(place.share), "worst": statistic_text(place.worst), "z": f"{place.z:.1f}"}
+    return {"title": view_title(place.view), "share": place.share, **said}
 
 
 def _views(bench: Bench) -> list[Mapping[str, str]]:

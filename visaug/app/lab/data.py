@@ -2,7 +2,7 @@
 
 import base64
 import hashlib
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -52,40 +52,27 @@ def map_data(title: str, first: np.ndarray, second: np.ndarray) -> dict[str, Any
 
 def _aligned(label: str, measured: tuple[Any, Any], modelled: tuple[Any, Any]) -> dict[str, Any]:
     """Both curves over the union of their positions; None where one has no finite value."""
-    points = []
-    for xs, ys in (measured, modelled):
-        xs, ys = np.asarray(xs, float), np.asarray(ys, float)
-        there = np.isfinite(xs)  # a position that is not known cannot be drawn
-        points.append((xs[there], ys[there]))
-    x = np.union1d(points[0][0], points[1][0])
-    columns = []
-    for xs, ys in points:
-        column: list[float | None] = [None] * len(x)
-        for place, y in zip(np.searchsorted(x, xs), ys, strict=True):
-            column[int(place)] = float(f"{y:.7g}") if np.isfinite(y) else None
-        columns.append(column)
-    return {"label": label, "x": x.tolist(), "y": columns}
+    tables = []
+    for curve in (measured, modelled):
+        points = zip(*(np.asarray(values, float).tolist() for values in curve), strict=True)
+        known = (point for point in points if math.isfinite(point[0]))  # others cannot be drawn
+        tables.append({x: float(f"{y:.7g}") if math.isfinite(y) else None for x, y in known})
+    union = sorted({*tables[0], *tables[1]})
+    return {"label": label, "x": union, "y": [[table.get(x) for x in union] for table in tables]}
 
 
 def _reduced(image: np.ndarray, step: int) -> np.ndarray:
     if step == 1:
         return image
-    edges: Sequence[np.ndarray] = [np.arange(0, n, step) for n in image.shape[:2]]
-    sums = np.add.reduceat(np.add.reduceat(image, edges[0], 0), edges[1], 1)
-    counts = [np.minimum(step, n - e) for e, n in zip(edges, image.shape[:2], strict=True)]
-    area = np.outer(*counts).astype(np.float32)
-    return sums / (area[..., None] if image.ndim == 3 else area)
+    rows, columns = (np.arange(0, n, step) for n in image.shape[:2])
+    whole = np.stack([image, np.ones_like(image)])  # the mean of a square at an edge is that of fewer pixels
+    sums, counts = np.add.reduceat(np.add.reduceat(whole, rows, 1), columns, 2)
+    return sums / counts
 
 
 @dataclass(frozen=True)
 class OwnPicture:
-    """A picture that was uploaded.
-
-    Attributes:
-        name: of its file.
-        picture: its pixels.
-        key: another for every content.
-    """
+    """A picture that was uploaded, with the name of its file, and a key that is another for every content."""
 
     name: str
     picture: Picture
@@ -93,11 +80,7 @@ class OwnPicture:
 
     @classmethod
     def read(cls, name: str, content: bytes) -> "OwnPicture":
-        """Reads a picture of any format that `visaug augment` takes; the suffix of the name tells which.
-
-        Raises:
-            InputError: another format, a damaged picture, or one of too many pixels.
-        """
+        """Reads a picture of any format that `visaug augment` takes; the suffix of the name tells which."""
         name = Path(name).name
         with TemporaryDirectory(prefix="visaug-lab-") as folder:
             path = Path(folder) / f"picture{Path(name).suffix.lower()}"
@@ -111,21 +94,17 @@ class OwnPicture:
     def through(self, camera: Camera, seed: int, exposure: float = 1.0) -> dict[str, Any]:
         """The middle of the picture before and after a camera, pixel by pixel, in the picture's own values.
 
-        The camera takes the whole picture; the same seed gives the same noise.
-
-        Args:
-            exposure: fraction of the saturation exposure, from 1e-6 to 1; the result is as bright as the picture.
+        The camera takes the whole picture, with a fraction of the saturation exposure from 1e-6 to 1; the result is as bright as
+        the picture. The same seed gives the same noise.
         """
         noise = SensorNoise(camera, exposure=exposure)
         with naming(self.name):
             taken = add_noise(self.picture, noise, seed)
         window = middle(self.picture, LARGEST_MAP, LARGEST_MAP)
-        before, after = (
-            p.pixels[window][..., 0 if p.colours == 1 else slice(p.colours)] for p in (self.picture, taken)
-        )
+        both = self.picture, taken
+        before, after = (p.pixels[window][..., 0 if p.colours == 1 else slice(p.colours)] for p in both)
         height, width = self.picture.pixels.shape[:2]
-        whole = before.shape[:2] == (height, width)
-        part = "" if whole else f", the middle of {height} x {width} pixels"
+        part = "" if before.shape[:2] == (height, width) else f", the middle of {height} x {width} pixels"
         kind = "sRGB" if self.picture.transfer == "srgb" else "linear in light"
         dtype = self.picture.pixels.dtype
         white = 1.0 if dtype.kind == "f" else float(np.iinfo(dtype).max)

@@ -20,13 +20,6 @@ class _Stopped(Exception):
 
 
 @dataclass
-class _Phase:
-    name: str
-    began: float
-    ended: float
-
-
-@dataclass
 class _Job:
     """One piece of work and how far it is; the last of its phases is going on."""
 
@@ -35,7 +28,7 @@ class _Job:
     began: float = 0.0
     stopped: bool = False
     replaced: bool = False
-    phases: list[_Phase] = field(default_factory=list)
+    phases: list[tuple[str, float, float]] = field(default_factory=list)  # name, began, ended
     step: tuple[str, int, int] = ("", 0, 0)  # description, done, total
 
     def tell(self, description: str, done: int, total: int) -> None:
@@ -44,24 +37,20 @@ class _Job:
             raise _Stopped
         now = time.monotonic()
         name = phase_of(description)
-        if not self.phases or self.phases[-1].name != name:
-            self.phases.append(_Phase(name, now, now))
-        self.phases[-1].ended = now
+        if not self.phases or self.phases[-1][0] != name:
+            self.phases.append((name, now, now))
+        self.phases[-1] = (*self.phases[-1][:2], now)
         self.step = (description, done, total)
 
     def as_json(self) -> dict[str, Any]:
         step = dict(zip(("step", "done", "total"), self.step, strict=True))
-        phases = [{"name": p.name, "seconds": p.ended - p.began} for p in self.phases[:-1]]
+        phases = [{"name": name, "seconds": ended - began} for name, began, ended in self.phases[:-1]]
         return {"title": self.title, **step, "seconds": time.monotonic() - self.began, "phases": phases}
 
 
 class JobQueue:
-    """A queue with one worker.
-
-    Attributes:
-        version: goes up whenever there is something new to show.
-        message: one line on what came of the work, until something else is asked.
-        failed: whether that is a mistake or failure.
+    """A queue with one worker. `version` goes up whenever there is something new to show; `message` is one line on what came of the
+    work, until something else is asked, and `failed` says whether that is a mistake or failure.
     """
 
     def __init__(self) -> None:
@@ -74,15 +63,10 @@ class JobQueue:
         self.failed = False
 
     def ask(self, title: str, work: Work, instead_of: tuple[str, ...] = ()) -> None:
-        """Put work in the queue.
+        """Put work in the queue, with a title as the page says it; refused where the same waits or runs already.
 
-        Args:
-            title: what is being done, as the page says it.
-            work: called with `progress(description, done, total)`; may return a line to show.
-            instead_of: titles of work that is dropped, or stopped without a word, because this takes its place.
-
-        Raises:
-            InputError: the same work waits or runs already.
+        `work` is called with `progress(description, done, total)` and may return a line to show. Work of the titles `instead_of` is
+        dropped, or stopped without a word, because this takes its place.
         """
         job = _Job(title, work)
         with self._lock:

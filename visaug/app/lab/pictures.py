@@ -24,10 +24,8 @@ COMPARED = "_compared"  # ends a key with which views show their worst statistic
 
 
 class ViewPlots:
-    """Views of the measured frames beside those of a camera, computed when they are first asked for.
-
-    Attributes:
-        closed: True when nobody waits for further ones.
+    """Views of the measured frames beside those of a camera, computed when they are first asked for; `closed` when nobody waits for
+    further ones.
     """
 
     def __init__(self, frames: FrameSet, seed: int):
@@ -68,16 +66,9 @@ class ViewPlots:
         words = labels(groups).values()
         choices = {g.indices[0]: frames_text(word) for g, word in zip(groups, words, strict=True)}
         title = choices.get(index, f"frame {index}")
-        shown = map_data(title, *(frames.read(index) for frames in gallery.sets))
-        names = ["measured", "modelled"]
-        return {
-            "title": title,
-            "names": names,
-            "y_label": "DN",
-            "curves": [],
-            "maps": [shown],
-            "choices": choices,
-        }
+        maps = [map_data(title, *(frames.read(index) for frames in gallery.sets))]
+        about = {"title": title, "names": ["measured", "modelled"], "y_label": "DN"}
+        return {**about, "curves": [], "maps": maps, "choices": choices}
 
     def own(self, key: str, picture: OwnPicture | None, exposure: float) -> dict[str, Any] | None:
         """A picture of the user's own before and after a camera; None where there is none, or no such camera."""
@@ -129,8 +120,6 @@ class ViewPlots:
         sections = diagnosis_sections(bench.to_json(), *cameras, self.frames, self.seed, bench.inputs())
         blocks = [Text(verdict, "finding"), *list(sections[0].blocks)[1:]]
         sections[0] = replace(sections[0], title="The current camera", blocks=blocks)
-        lead = (
-            f"{described(self.frames)} against {bench.given.name}, with effects added and taken away by hand."
-        )
-        about = footer(bench.given, self.frames, self.seed)
-        return Page("Diagnosis by hand", lead, sections, footer=about)
+        by_hand = "with effects added and taken away by hand"
+        lead = f"{described(self.frames)} against {bench.given.name}, {by_hand}."
+        return Page("Diagnosis by hand", lead, sections, footer=footer(bench.given, self.frames, self.seed))

@@ -49,10 +49,10 @@ def application(bench: Bench, token: str) -> Starlette:
         lab.jobs.close()
 
     routes = [
-        Route("/", lab.page),
+        Route("/", lambda _: HTMLResponse(lab.rendered("page.html"))),
         Route("/lab.css", lab.style),
         Route("/{name}.js", lab.script),
-        Route("/bench", lab.bench_html),
+        Route("/bench", lambda _: HTMLResponse(lab.rendered("bench.html"))),
         Route("/state", lab.state),
         Route("/view/{key}/{view}", lab.view),
         Route("/frame/{key}/{index:int}", lab.frame),
@@ -96,12 +96,6 @@ class _Lab:
         self._wanted: dict[str, float] = {}  # numbers set by hand that no estimate has taken up yet
         self.pictures = ViewPlots(bench.frames, bench.seed)
         self.templates = templates("visaug.app.lab")
-
-    def page(self, _: Request) -> Response:
-        return HTMLResponse(self._render("page.html"))
-
-    def bench_html(self, _: Request) -> Response:
-        return HTMLResponse(self._render("bench.html"))
 
     def style(self, _: Request) -> Response:
         text = _text("page.css", "visaug.report") + _text("uplot.min.css") + _text("lab.css")
@@ -198,7 +192,7 @@ class _Lab:
         self.jobs.ask(title, work, instead_of)
         return _JSON(self.jobs.as_json(), 202)
 
-    def _render(self, template: str) -> str:
+    def rendered(self, template: str) -> str:
         state = self.jobs.as_json()  # first: what is drawn may be newer than it says, never older
         return self.templates.get_template(template).render(
             **content(self.bench, self._wanted),
@@ -213,20 +207,10 @@ class _Lab:
 
 
 def serve(
-    bench: Bench,
-    port: int = 0,
-    say: Callable[[str], None] = print,
-    ready: Callable[[str], object] | None = None,
+    bench: Bench, port: int = 0, *, say: Callable[[str], object], ready: Callable[[str], object] | None = None
 ) -> None:
-    """Serves the page until it is interrupted.
-
-    Args:
-        port: 0 takes a free one.
-        say: called with the address, token included, as soon as it can be opened.
-        ready: called with the address after that, to open it in a browser.
-
-    Raises:
-        InputError: the port is taken or not ours to use.
+    """Serves the page until it is interrupted, on a free port for 0. `say` is called with the address, token included, as soon as
+    it can be opened, and `ready` after that, to open it in a browser.
     """
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -41,10 +41,8 @@ OPTIONS: dict[str, Any] = {
 def _folder() -> str:
     text = hashlib.blake2b(Path(__file__).read_bytes(), digest_size=8).hexdigest()
     own = Path(__file__).parent / "__pycache__"
-    base = settings.CACHE_DIR or (
-        own if os.access(own.parent, os.W_OK) else Path.home() / ".cache" / "visaug"
-    )
-    return str(Path(base) / f"kernels-{text}")
+    usable = own if os.access(own.parent, os.W_OK) else Path.home() / ".cache" / "visaug"
+    return str(Path(settings.CACHE_DIR or usable) / f"kernels-{text}")
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -185,11 +183,9 @@ def _philox(first, row, channel, key, out):
 
 @part
 def words_of_rows(key, channel, row, first, rows, width, words):
-    """32 random bits for each pixel of a window; the counter is the place on the sensor.
+    """32 random bits for each pixel of a window that begins at `row` and column `first`; the counter is the place on the sensor.
 
-    Args:
-        row, first: row and column of the sensor at which the window begins.
-        words: (rows width + 3,) uint32, written; the last three mean nothing.
+    They are written to `words`, (rows width + 3,) uint32; the last three mean nothing.
     """
     before = first % 4  # pixels to the left that share the first counter
     blocks = (before + width + 3) // 4

@@ -12,21 +12,12 @@ MASK = 0xFFFFFFFF
 
 
 def philox(counter: tuple[Tensor, Tensor, Tensor, Tensor], key: tuple[Tensor, Tensor]) -> tuple[Tensor, ...]:
-    """Four words of 32 random bits for each counter.
-
-    Args:
-        counter: four broadcastable int64 tensors holding unsigned 32-bit words.
-        key: two such tensors.
-
-    Returns:
-        Four int64 tensors of the broadcast shape, each in [0, 2^32).
-    """
+    """Four words of 32 random bits for each counter; all are broadcastable int64 tensors that hold unsigned 32-bit words."""
     c0, c1, c2, c3 = counter
     k0, k1 = key
     m0, m1 = 0xD2511F53, 0xCD9E8D57
     w0, w1 = 0x9E3779B9, 0xBB67AE85
-    rounds = 10
-    for _ in range(rounds):
+    for _ in range(10):
         p0 = c0 * m0  # an unsigned 64-bit product; int64 wraps to the same bits
         p1 = c2 * m1
         c0, c1, c2, c3 = ((p1 >> 32) & MASK) ^ c1 ^ k0, p1 & MASK, ((p0 >> 32) & MASK) ^ c3 ^ k1, p0 & MASK
@@ -36,15 +27,9 @@ def philox(counter: tuple[Tensor, Tensor, Tensor, Tensor], key: tuple[Tensor, Te
 
 
 def sensor_bits(keys: Tensor, channels: int, rows: range, columns: range) -> Tensor:
-    """32 random bits for each pixel of a window of the sensor.
+    """32 random bits for each pixel of a window of the sensor, (B, C, H, W) int64 in [0, 2^32); `keys` (B,) int64, one an image.
 
-    Args:
-        keys: (B,) int64, one 64-bit key an image.
-        channels: number of planes C.
-        rows, columns: the window, in sensor coordinates.
-
-    Returns:
-        (B, C, H, W) int64 in [0, 2^32). Four neighbours in a row share one counter.
+    Four neighbours in a row share one counter.
     """
     device = keys.device
     first = columns.start // 4
@@ -60,11 +45,7 @@ def sensor_bits(keys: Tensor, channels: int, rows: range, columns: range) -> Ten
 
 
 def mix(keys: Tensor) -> Tensor:
-    """Another 64-bit key for each key, one to one: the finaliser of SplitMix64, variant 13 of D. Stafford.
-
-    Args:
-        keys: int64 of any shape.
-    """
+    """Another 64-bit key for each int64 key, one to one: the finaliser of SplitMix64, variant 13 of D. Stafford."""
     x = keys ^ _shift(keys, 30)
     x = x * (0xBF58476D1CE4E5B9 - 2**64)
     x = x ^ _shift(x, 27)

@@ -20,11 +20,7 @@ with contextlib.suppress(ImportError):
 
 
 def as_seed(seed: Any, name: str = "seed") -> int:
-    """A seed as Python's whole number, whatever its type: `derive_key` takes NumPy's 3 for another word than 3.
-
-    Raises:
-        InputError: it is no whole number.
-    """
+    """A seed as Python's whole number, whatever its type: `derive_key` takes NumPy's 3 for another word than 3."""
     try:
         return operator.index(seed)
     except TypeError:
@@ -33,8 +29,7 @@ def as_seed(seed: Any, name: str = "seed") -> int:
 
 def derive_key(*words: object) -> int:
     """A 64-bit key from a seed and names; different arguments give independent streams."""
-    digest = hashlib.blake2b(repr(words).encode(), digest_size=8).digest()
-    return int.from_bytes(digest, "little")
+    return int.from_bytes(hashlib.blake2b(repr(words).encode(), digest_size=8).digest(), "little")
 
 
 def _signed_key(words: tuple[object, ...]) -> int:
@@ -130,9 +125,8 @@ class Stream:
 
     def image(self, k: int) -> "Stream":
         """The same numbers for one image of the batch."""
-        keys, camera_keys = (
-            own if len(own) == 1 else own[k : k + 1] for own in (self._keys, self._camera_keys)
-        )
+        both = self._keys, self._camera_keys
+        keys, camera_keys = (own if len(own) == 1 else own[k : k + 1] for own in both)
         return Stream(keys, camera_keys, self.channels, self.window, self.device)
 
     def uniform(self, vary: str = "pixel") -> Tensor:
@@ -143,13 +137,7 @@ class Stream:
         """Standard normal, float32."""
         if not self._native():
             return distributions.normal(self._bits(vary))
-
-        def drawn() -> Tensor:
-            keys, r0, c0, out = self._native_arguments(vary)
-            kernels.fill_normal(keys, r0, c0, out)
-            return torch.from_numpy(out)
-
-        return self._kept(drawn, vary)
+        return self._kept(lambda: self._filled(kernels.fill_normal, vary), vary)
 
     def pattern(self, column: Tensor, row: Tensor, pixel: Tensor) -> Tensor:
         """Sum of Gaussian parts of columns, rows and pixels with these standard deviations, (B or 1, 1, 1, 1), float32."""
@@ -173,18 +161,14 @@ class Stream:
         return self._drawn[place]
 
     def tukey_lambda(self, shape: Tensor | float, vary: str = "pixel") -> Tensor:
-        """Tukey-lambda noise of mean 0 and standard deviation 1, float32; differentiable in `shape`.
-
-        Args:
-            shape: the lambda, > -0.5, scalar or (B, 1, 1, 1); 0.14 is nearly Gaussian, below 0 the tails are heavy.
+        """Tukey-lambda noise of mean 0 and standard deviation 1, float32; differentiable in `shape`, the lambda, > -0.5, scalar or
+        (B, 1, 1, 1): 0.14 is nearly Gaussian, below 0 the tails are heavy.
         """
         shape = torch.as_tensor(shape, dtype=torch.float64, device=self.device)
         if self._native() and not shape.requires_grad:
-            keys, r0, c0, out = self._native_arguments(vary)
-            shapes = shape.reshape(-1).expand(len(keys))
+            shapes = shape.reshape(-1).expand(len(self._keys))
             scales = 1 / tukey_lambda.standard_deviation_tensor(shapes)
-            kernels.fill_tukey(keys, r0, c0, shapes.numpy(), scales.numpy(), out)
-            return torch.from_numpy(out)
+            return self._filled(kernels.fill_tukey, vary, shapes.numpy(), scales.numpy())
         quantile = distributions.tukey_lambda(self._bits(vary), shape)
         return quantile / tukey_lambda.standard_deviation_tensor(shape).float()
 
@@ -193,24 +177,22 @@ class Stream:
 
         For one image the count grows with the mean at the same random number: two means share their noise.
         """
-        full = (len(self._keys), self.channels, *map(len, self.window))
-        mean = mean.expand(full)
-        return with_poisson_gradient(self._poisson(mean.detach()), mean)
-
-    def _poisson(self, mean: Tensor) -> Tensor:
-        if not self._native():
-            return distributions.poisson(mean, self._bits("pixel"))
-        keys, r0, c0, out = self._native_arguments("pixel")
-        kernels.fill_poisson(keys, r0, c0, mean.float().numpy(), out)
-        return torch.from_numpy(out)
+        mean = mean.expand(len(self._keys), self.channels, *map(len, self.window))
+        if self._native():
+            count = self._filled(kernels.fill_poisson, "pixel", mean.detach().float().numpy())
+        else:
+            count = distributions.poisson(mean.detach(), self._bits("pixel"))
+        return with_poisson_gradient(count, mean)
 
     def _native(self) -> bool:
         return kernels is not None and self.device.type == "cpu" and not torch.compiler.is_compiling()
 
-    def _native_arguments(self, vary: str) -> tuple[np.ndarray, int, int, np.ndarray]:
+    def _filled(self, fill: Callable, vary: str, *more: np.ndarray, dtype: Any = np.float32) -> Tensor:
+        """What a kernel writes for each pixel, or line, of the window."""
         channels, rows, columns = self._extent(vary)
-        out = np.empty((len(self._keys), channels, len(rows), len(columns)), np.float32)
-        return self._keys.numpy().view(np.uint64), rows.start, columns.start, out
+        out = np.empty((len(self._keys), channels, len(rows), len(columns)), dtype)
+        fill(self._keys.numpy().view(np.uint64), rows.start, columns.start, *more, out)
+        return torch.from_numpy(out)
 
     def _extent(self, vary: str) -> tuple[int, range, range]:
         rows, columns = self.window
@@ -226,13 +208,9 @@ class Stream:
         return extents[vary]
 
     def _bits(self, vary: str) -> Tensor:
-        channels, rows, columns = self._extent(vary)
         if self._native():
-            keys, _, _, _ = self._native_arguments("frame")
-            out = np.empty((len(keys), channels, len(rows), len(columns)), np.int64)
-            kernels.fill_bits(keys, rows.start, columns.start, out)
-            return torch.from_numpy(out)
-        return sensor_bits(self._keys, channels, rows, columns)
+            return self._filled(kernels.fill_bits, vary, dtype=np.int64)
+        return sensor_bits(self._keys, *self._extent(vary))
 
 
 def with_poisson_gradient(count: Tensor, mean: Tensor) -> Tensor:

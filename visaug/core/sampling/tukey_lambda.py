@@ -26,9 +26,8 @@ def standard_deviation(shape: np.ndarray) -> np.ndarray: ...
 def standard_deviation(shape):
     """Standard deviation at scale 1, for shapes above -0.5.
 
-    Examples:
-        >>> round(standard_deviation(0.0), 4)  # of the logistic distribution, pi / sqrt(3)
-        1.8138
+    >>> round(standard_deviation(0.0), 4)  # of the logistic distribution, pi / sqrt(3)
+    1.8138
     """
     shapes = np.asarray(shape, np.float64)
     near = np.abs(shapes) < NEAR_ZERO
