@@ -29,7 +29,6 @@ def simulate(
     progress: Callable[[str, int, int], None] | None = None,
     keep: Sequence[int] | None = None,
     deepest: int = DEEPEST,
-    shared: Recurrent | None = None,
 ) -> FrameSet:
     """Simulates the frames of `plan`, in order, with one camera whose fixed patterns stay the same.
 
@@ -40,7 +39,7 @@ def simulate(
         seed: of the specimen (its fixed patterns) and of the temporal noise.
         progress: called with (description, done, total).
         keep: positions of the frames to simulate; None simulates all. See `exposures`.
-        deepest, shared: see `exposures`.
+        deepest: see `exposures`.
 
     Returns:
         A frame set in memory, uint16 DN.
@@ -61,7 +60,7 @@ def simulate(
     plan = FrameSet.of(plan, camera.resolution)
     frames: list[np.ndarray] = []
     places = range(len(plan)) if keep is None else sorted(keep)
-    for positions, block in exposures(camera, plan, seed, keep, deepest, shared):
+    for positions, block in exposures(camera, plan, seed, keep, deepest):
         frames.extend(block.squeeze(1).numpy().astype(np.uint16))
         if progress is not None:
             progress("simulating frames", positions[-1] + 1, len(plan))
@@ -69,7 +68,7 @@ def simulate(
     cleans = {
         r.clean: plan.clean(i) for i, r in zip(places, records, strict=True) if r.kind == "scene" and r.clean
     }
-    return FrameSet.from_arrays(records, frames, cleans, bit_depth=camera.bit_depth)
+    return FrameSet.simulated(records, frames, cleans, camera.bit_depth)
 
 
 def with_chart(camera: Camera, plan: FrameSet) -> FrameSet:

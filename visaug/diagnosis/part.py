@@ -11,7 +11,7 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.camera.history import DEEPEST, Reach
-from visaug.camera.simulation import has_clean, simulate
+from visaug.camera.simulation import exposures, has_clean
 from visaug.core.errors import InputError
 from visaug.core.recurrent import Recurrent
 from visaug.frames import FrameRecord, FrameSet
@@ -133,38 +133,33 @@ class MeasuredFrames:
         every = range(len(self.frames))
         if len(wanted) < len(every) and Reach.of(camera) != NOTHING and not self.place:
             wanted = every  # frames depend on those before
-        return self._filled(self.take(camera, seed, wanted, signals), wanted)
-
-    def _filled(self, taken: FrameSet, wanted: Sequence[int]) -> FrameSet:
-        """The whole set, the other frames without pixels."""
-        if len(taken) == len(self.frames):
-            return taken
         frames = [np.zeros((1, 1), np.uint16)] * len(self.frames)
-        for k, frame in zip(wanted, taken.stack(range(len(taken))), strict=True):
+        for k, frame in zip(wanted, self._pixels(camera, seed, wanted, signals), strict=True):
             frames[k] = frame
-        cleans = self._cleans(range(len(self.frames)))
-        return FrameSet.from_arrays(self.frames.records, frames, cleans, bit_depth=taken.bit_depth)
+        return FrameSet.simulated(self.frames.records, frames, self._cleans(every), camera.bit_depth)
 
-    def take(
-        self,
-        camera: Camera,
-        seed: int,
-        only: Iterable[int] | None = None,
-        signals: Recurrent | None = None,
-    ) -> FrameSet:
-        """The frames, or those of them at some positions, as a camera would take them."""
+    def take(self, camera: Camera, seed: int, only: Iterable[int] | None = None) -> FrameSet:
+        """The frames, or those of them at some positions in rising order, as a camera would take them."""
         wanted = list(range(len(self.frames)) if only is None else only)
-        keep = [self.keep[k] for k in wanted]
-        taken = simulate(camera, self.plan, seed, keep=keep, deepest=self.deepest, shared=signals)
-        return self._shown(taken, wanted)
-
-    def _shown(self, taken: FrameSet, wanted: Sequence[int]) -> FrameSet:
-        """Simulated frames without the margin around their windows."""
         records = [self.frames.records[k] for k in wanted]
-        if all(a.window == b.window for a, b in zip(records, taken.records, strict=True)):
-            return taken
-        pixels = [_cut(taken.stack([k])[0], _window(taken, k), records[k].window) for k in range(len(wanted))]
-        return FrameSet.from_arrays(records, pixels, self._cleans(wanted), bit_depth=taken.bit_depth)
+        frames = self._pixels(camera, seed, wanted)
+        return FrameSet.simulated(records, frames, self._cleans(wanted), camera.bit_depth)
+
+    def _pixels(
+        self, camera: Camera, seed: int, wanted: Sequence[int], signals: Recurrent | None = None
+    ) -> list[np.ndarray]:
+        """Simulated frames, (H, W) uint16, without the margin around their windows."""
+        keep = [self.keep[k] for k in wanted]
+        blocks = exposures(camera, self.plan, seed, keep, self.deepest, signals)
+        frames = [frame for _, block in blocks for frame in block.squeeze(1).numpy().astype(np.uint16)]
+        shown = [
+            (self.plan.records[i].window, self.frames.records[k].window)
+            for i, k in zip(keep, wanted, strict=True)
+        ]
+        return [
+            frame if wider == window else _cut(frame, wider or (0, frame.shape[0], 0, frame.shape[1]), window)
+            for frame, (wider, window) in zip(frames, shown, strict=True)
+        ]
 
     def _cleans(self, positions: Iterable[int]) -> dict[str, np.ndarray]:
         records = self.frames.records
@@ -347,8 +342,3 @@ def _cut(image: np.ndarray, shows: Window, window: Window | None) -> np.ndarray:
     r0, r1, c0, c1 = window
     top, _, left, _ = shows
     return np.ascontiguousarray(image[r0 - top : r1 - top, c0 - left : c1 - left])
-
-
-def _window(frames: FrameSet, i: int) -> Window:
-    rows, columns = frames.shape(i)
-    return frames.records[i].window or (0, rows, 0, columns)

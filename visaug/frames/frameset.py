@@ -152,6 +152,17 @@ class FrameSet:
         bit_depth = bit_depth or _common_depth(records)
         return cls(records, MemoryStore(records, frames, dict(cleans or {}), bit_depth))
 
+    @classmethod
+    def simulated(
+        cls,
+        records: Sequence[FrameRecord],
+        frames: Sequence[np.ndarray],
+        cleans: dict[str, np.ndarray],
+        bit_depth: int,
+    ) -> "FrameSet":
+        """The same of frames from a simulated converter, (H, W) uint16, whose values need no check."""
+        return cls(records, MemoryStore(records, frames, cleans, bit_depth, checked=True))
+
     def __len__(self) -> int:
         return len(self.records)
 

@@ -44,7 +44,7 @@ def _check_bits(bit_depth: int | None) -> None:
 
 
 class MemoryStore:
-    """Frames in memory."""
+    """Frames in memory. `checked`: they come from a simulated converter, so that each has its size and range."""
 
     def __init__(
         self,
@@ -52,13 +52,14 @@ class MemoryStore:
         frames: Sequence[np.ndarray] | np.ndarray,
         cleans: dict[str, np.ndarray],
         bit_depth: int | None,
+        checked: bool = False,
     ) -> None:
         _check_bits(bit_depth)
         self._records, self._frames = list(records), frames
         self._cleans = {name: np.asarray(c, np.float32) for name, c in cleans.items()}
         self._bit_depth = self.told_bits = bit_depth
         self.warnings: list[str] = []
-        self._checked: set[int] = set()
+        self._checked = set(range(len(frames))) if checked else set()
 
     @property
     def bit_depth(self) -> int | None:
