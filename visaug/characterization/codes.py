@@ -31,9 +31,8 @@ def _step(counts: np.ndarray) -> float | None:
 
     Runs of empty codes between two codes that many pixels have are all of one length but for rounding.
     """
-    certain = (
-        20  # pixels at the codes on either side: an empty one between them has a probability of exp(-20)
-    )
+    # pixels at the codes on either side: an empty one between them has a probability of exp(-20)
+    certain = 20
     filled = np.flatnonzero(counts >= certain)
     used = np.flatnonzero(counts)
     between = np.searchsorted(used, filled[1:]) - np.searchsorted(used, filled[:-1]) - 1

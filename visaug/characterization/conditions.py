@@ -3,6 +3,8 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
+from operator import or_
 from pathlib import Path
 
 import numpy as np
@@ -48,15 +50,12 @@ def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[
 def _in_celsius(frames: FrameSet, found: Findings) -> FrameSet:
     """Temperatures that can only be Kelvin converted, those that are none left out, and both said."""
     made = [None if r.temperature_c is None else celsius(r.temperature_c) for r in frames.records]
-    for how, said in (
-        ("kelvin", "are read as Kelvin and converted"),
-        ("none", "are those of no sensor and are not used"),
+    for how, word, said in (
+        ("kelvin", "kelvin", "are read as Kelvin and converted"),
+        ("none", "unknown", "are those of no sensor and are not used"),
     ):
-        values = {f"{r.temperature_c:g}" for r, m in zip(frames.records, made) if m and m[1] == how}
-        if values:
-            found.warn(
-                f"temperature_{'kelvin' if how == 'kelvin' else 'unknown'}: temperatures of {', '.join(sorted(values))} {said}"
-            )
+        if values := {f"{r.temperature_c:g}" for r, m in zip(frames.records, made) if m and m[1] == how}:
+            found.warn(f"temperature_{word}: temperatures of {', '.join(sorted(values))} {said}")
     if all(m is None or not m[1] for m in made):
         return frames
     return frames.with_records(
@@ -157,9 +156,7 @@ def _aligned(
     """Words aligned at the top of 16 bits: the low bits are 0 in every pixel of every frame."""
     if frames.bit_depth != 16 or any(f.bits is None for f in facts):
         return frames, facts
-    used = 0
-    for f in facts:
-        used |= f.bits or 0
+    used = reduce(or_, (f.bits or 0 for f in facts), 0)
     low = 0 if used == 0 else (used & -used).bit_length() - 1
     if low == 0 or 16 - low not in (_DEPTHS if told_bits is None else (told_bits,)):
         return frames, facts

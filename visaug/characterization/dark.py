@@ -67,7 +67,7 @@ def _add_law(found: Findings, law: dark_current.DarkCurrentLaw, source: str, ass
     error = math.hypot(math.sqrt(law.covariance[0, 0]), relative)
     a, low, high = (_exp(law.log_a + t * s) * scale for s in (0.0, -error, error))
     if not math.isfinite(high):
-        _miss_law(found, _NEEDS_LADDER)
+        miss_law(found)
         return
     name, unit = ("a_e_per_s", "e-/s") if found.gain is not None else ("a_dn_per_s", "DN/s")
     found.add(f"dark_current.{name}", (a, low, high), unit, source)
@@ -77,7 +77,7 @@ def _add_law(found: Findings, law: dark_current.DarkCurrentLaw, source: str, ass
     found.add("dark_current.b_per_c", interval, "1/degC", source, assumes=assumes)
 
 
-def _miss_law(found: Findings, needs: str) -> None:
+def miss_law(found: Findings, needs: str = _NEEDS_LADDER) -> None:
     found.miss("dark_current.a_e_per_s", needs)
     found.miss("dark_current.b_per_c", needs)
 
@@ -90,7 +90,7 @@ def _exp(logarithm: float) -> float:
 def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
     """Dark current in electrons per second where the gain is known, else in DN per second."""
     if not lines:
-        _miss_law(found, _NEEDS_LADDER)
+        miss_law(found)
         return
     scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
     law = dark_current.law(lines)
@@ -114,7 +114,7 @@ def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
             )
     else:
         _one_temperature(found, lines)
-        _miss_law(
+        miss_law(
             found, "dark frames at two or more known temperatures, warm or long enough for a dark signal"
         )
 

@@ -167,9 +167,8 @@ def _without_dark_current(
     exposures = len({m.group.exposure_s for m in darks})
     if exposures > 2:
         return darks, True
-    longest = 1.02 * max(
-        (v.flat.group.exposure_s for v in measured.levels), default=math.inf
-    )  # a log's rounding
+    # with a log's rounding
+    longest = 1.02 * max((v.flat.group.exposure_s for v in measured.levels), default=math.inf)
     every = (m for m in (*measured.biases, *measured.darks) if m.n > 1 and m.shape == darks[0].shape)
     shortest = min(every, key=lambda m: m.group.exposure_s)  # of any temperature: it has no dark current
     for m in (darks[0], shortest):
@@ -316,11 +315,7 @@ def _stack(measured: Measured) -> FlatLevel | None:
 
 
 def derived(found: Findings, response: Interval | None) -> None:
-    """Figures that follow from gain, dark noise and saturation: 1/K, R, SNR, thresholds, dynamic range.
-
-    Args:
-        response: responsivity in DN/photon, where the source is calibrated.
-    """
+    """Figures that follow from gain, dark noise, saturation and, of a calibrated source, responsivity in DN/photon."""
     gain, dark = (found.parameters.get(f"emva.{n}") for n in ("system_gain_dn_per_e", "dark_noise_dn"))
     photons = found.parameters.get("emva.saturation_photons")
     if gain is not None and dark is not None and gain.low > 0:

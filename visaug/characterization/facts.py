@@ -50,11 +50,11 @@ def look(frames: FrameSet) -> list[Facts]:
                 problem = f"frames differ in size: this one is {frame.shape[0]} x {frame.shape[1]}"
                 expected = f"{size[0]} x {size[1]} as {whose}, or a window in its record"
                 raise InputError(problem, file=record.file, expected=expected)
-        found.append(facts_of(frame))
+        found.append(_facts(frame))
     return found
 
 
-def facts_of(frame: np.ndarray) -> Facts:
+def _facts(frame: np.ndarray) -> Facts:
     largest = float(frame.max())
     whole = frame.astype(np.min_scalar_type(int(largest)))  # small numbers are quick
     bits = int(np.bitwise_or.reduce(whole, axis=None)) if (whole == frame).all() else None

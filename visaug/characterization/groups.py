@@ -142,16 +142,13 @@ class Measured:
     @property
     def still(self) -> GroupMoments | None:
         """Frames for master bias and read noise: most frames first, then the shortest exposure."""
+        # the largest window, to which spatial figures belong
+        largest = max((m.shape for m in self.moments), key=math.prod, default=None)
         return max(
-            (m for m in (*self.biases, *self.darks) if m.n > 1 and m.shape == self._shape),
+            (m for m in (*self.biases, *self.darks) if m.n > 1 and m.shape == largest),
             key=lambda m: (m.group.kind == "bias", m.n, -m.group.exposure_s, nearness(m.group.window)),
             default=None,
         )
-
-    @property
-    def _shape(self) -> tuple[int, int]:
-        """The largest window, to which spatial figures belong."""
-        return max((m.shape for m in self.moments if m.group.kind != "image"), key=lambda s: s[0] * s[1])
 
 
 def measure_groups(frames: FrameSet, facts: Sequence[Facts], step_dn: float = 1.0) -> Measured:
@@ -168,8 +165,8 @@ def measure_groups(frames: FrameSet, facts: Sequence[Facts], step_dn: float = 1.
     return Measured(
         frames=frames,
         moments=moments,
-        biases=_of(moments, "bias", gain_db),
-        darks=_of(moments, "dark", gain_db),
+        biases=tuple(m for m in moments if m.group.kind == "bias" and m.group.gain_db == gain_db),
+        darks=tuple(m for m in moments if m.group.kind == "dark" and m.group.gain_db == gain_db),
         levels=base,
         other_gains={g: found for g, found in levels.items() if found},
         gain_db=gain_db,
@@ -185,10 +182,6 @@ def _with_rate(level: FlatLevel, lines: Sequence[Slope]) -> FlatLevel:
     if degrees_apart(here, line.temperature_c) > SAME_C or not level.exposure_gap_s:
         return level
     return replace(level, dark_signal=line.value * level.exposure_gap_s, dark_rate_error=line.error)
-
-
-def _of(moments, kind: str, gain_db: float) -> tuple[GroupMoments, ...]:
-    return tuple(m for m in moments if m.group.kind == kind and m.group.gain_db == gain_db)
 
 
 def _pair(moments: list[GroupMoments]) -> tuple[FlatLevel, ...]:

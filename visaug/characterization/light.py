@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from visaug.characterization import additivity
+from visaug.characterization.dark_current import line
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments, largest_place, mean_map
 from visaug.characterization.mosaic import Mosaic
@@ -290,10 +291,8 @@ def gain_law(found: Findings, measured: Measured, result: PhotonTransferResult) 
     measured_db = 20 * np.log10([p[1] for p in points])
     errors = 20 / math.log(10) * np.array([p[2] / p[1] for p in points])
     weights = 1 / errors**2
-    centre = (weights * db).sum() / weights.sum()
-    spread = (weights * (db - centre) ** 2).sum()
-    slope = float((weights * (db - centre) * measured_db).sum() / spread)
-    residual = measured_db - (weights * measured_db).sum() / weights.sum() - slope * (db - centre)
+    slope, _, lever, spread = line(db, measured_db, weights)
+    residual = measured_db - (weights * measured_db).sum() / weights.sum() - slope * lever
     misfit = float((weights * residual**2).sum()) / max(len(db) - 2, 1)
     error = math.sqrt(max(misfit if len(db) > 2 else 0.0, 1.0) / spread)
     source = f"photon transfer at {len(db)} gain settings"

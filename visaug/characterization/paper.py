@@ -16,6 +16,7 @@ from scipy import optimize, stats
 
 from visaug.camera import Camera
 from visaug.characterization import dark_current, tukey
+from visaug.characterization.dark import miss_law
 from visaug.characterization.groups import Measured
 from visaug.characterization.light import NEEDS_FLATS, NEEDS_PHOTONS
 from visaug.characterization.moments import GroupMoments
@@ -155,8 +156,7 @@ def _dark(found: Findings, measured: Measured) -> None:
         if len({e for e, _ in points}) > 1
     }
     if len(lines) < 2:
-        for name in ("dark_current.a_e_per_s", "dark_current.b_per_c"):
-            found.miss(name, "dark frames at two or more exposures and two or more temperatures")
+        miss_law(found)
         return
     temperatures, rates = np.array(list(lines)), np.array([line.slope for line in lines.values()])
     if (rates > 0).sum() < 2:

@@ -117,9 +117,8 @@ def figure(curves: Mapping[str, Mapping[str, np.ndarray]], name: str) -> "Figure
         one.grid(color="#e6eaef", linewidth=0.7)
         one.set_axisbelow(True)
     draw(axes, curves[name])
-    if any(
-        one.get_legend_handles_labels()[1] for one in np.atleast_1d(axes)
-    ):  # above, so that it covers no data
+    # above, so that it covers no data
+    if any(one.get_legend_handles_labels()[1] for one in np.atleast_1d(axes)):
         made.legend(loc="outside upper left", ncols=3, frameon=False, fontsize=9)
     return made
 

@@ -21,12 +21,10 @@ class OperatingPoint:
 
     def to_json(self) -> dict[str, Any]:
         """Every figure, and the arrays of every plot of release 4."""
-        shown = {name: arrays for name, arrays in self.result.curves.items() if name.startswith("emva4_")}
         curves = {
-            name: {
-                k: [v if math.isfinite(v) else None for v in array.tolist()] for k, array in arrays.items()
-            }
-            for name, arrays in shown.items()
+            name: {k: [v if math.isfinite(v) else None for v in a.tolist()] for k, a in arrays.items()}
+            for name, arrays in self.result.curves.items()
+            if name.startswith("emva4_")
         }
         return {"name": self.name, **self.result.to_json(), "curves": curves}
 

@@ -80,9 +80,8 @@ def _histogram(
     assert t is not None
     centre = mean_map(frames, indices)
     sigma = math.sqrt(max(t.pixel, 0.05))
-    points = (
-        round(n * sigma / 8) // 2 * 2 + 1
-    )  # odd, so that none lies on the edge of a bin, eight of a sigma
+    # odd, so that none lies on the edge of a bin, eight of a sigma
+    points = round(n * sigma / 8) // 2 * 2 + 1
     width = points / n  # residuals of whole DN lie on multiples of 1/n
     half = math.ceil(40.0 * sigma / width)
     rows_flicker = unsteady(t.row, t.pixel, t.row_df)

@@ -9,7 +9,6 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.characterization import additivity, codes, dark, evenness, light, model_checks, still
-from visaug.characterization.camera_content import CAMERA_KEYS
 from visaug.characterization.conditions import prepared
 from visaug.characterization.emva import emva
 from visaug.characterization.facts import PLACES
@@ -17,7 +16,7 @@ from visaug.characterization.groups import Measured, measure_groups
 from visaug.characterization.maps import add_maps, map_headers
 from visaug.characterization.mosaic import PLAIN, Mosaic, find_mosaic
 from visaug.characterization.nonuniformity import PARTS
-from visaug.characterization.result import Characterization, Warned, without_impossible
+from visaug.characterization.result import CAMERA_KEYS, Characterization, Warned, without_impossible
 from visaug.characterization.views import colour_plane
 from visaug.core.errors import InputError
 from visaug.core.wording import first_of
@@ -73,8 +72,7 @@ def characterize(
 
         size = camera_of_pictures(found, frames, seed)
         result = _result(found, None, None, "pictures")
-        bits = frames.bit_depth or 8
-        return replace(result, assumed={"bit_depth": bits}, resolution=size, effects=tuple(found.effects))
+        return replace(result, assumed={"bit_depth": frames.bit_depth or 8}, resolution=size)
     found.warn_of(w for w in frames.check() if not w.startswith("few_frames"))  # of groups as measured: below
     told_bits = frames.told_bits or (camera.bit_depth if camera is not None else None)
     ready, mosaic, measured = _read(frames, found, told_bits)
@@ -136,8 +134,10 @@ def _measure(
     found: Findings, measured: Measured, camera: Camera | None, seed: int, mosaic: Mosaic | None
 ) -> None:
     measured = model_checks.tested(measured, found)
-    dark_tells = still.dark_frames_tell(measured) and not additivity.pedestal(measured, found)
-    if still.flicker(measured):
+    flickers = still.flicker(measured)
+    dark_tells = not flickers and all(still.tells(v.dark) for v in measured.sweep)
+    dark_tells = dark_tells and not additivity.pedestal(measured, found)
+    if flickers:
         found.warn(
             "dark_frames_noisier: dark frames have more noise than brighter flats (image lag, "
             "cosmic rays, unstable pixels); gain_e_per_dn and PRNU are estimated from flats only",
@@ -212,7 +212,8 @@ def _result(
     settings: dict[str, float] = {}
     resolution = None
     if measured is not None:
-        resolution = _resolution(measured, camera)
+        windows = [m.group.window or (0, m.shape[0], 0, m.shape[1]) for m in measured.moments]
+        resolution = max(w[1] for w in windows), max(w[3] for w in windows)
         settings["gain_db"] = measured.gain_db
         if found.bit_depth is not None:
             settings["bit_depth"] = found.bit_depth
@@ -225,7 +226,7 @@ def _result(
     _nonlinearity(found, settings)
     base = None
     if camera is not None:
-        base = camera.to_dict()
+        base, resolution = camera.to_dict(), camera.resolution
         values = camera.values()
         for key in CAMERA_KEYS:
             if key not in found.parameters and math.isfinite(values.get(key, math.inf)):
@@ -280,10 +281,3 @@ def _nonlinearity(found: Findings, settings: dict[str, float]) -> None:
 def _order(item) -> tuple[bool, int, str]:
     name = item[0]
     return name.startswith("emva"), CAMERA_KEYS.index(name) if name in CAMERA_KEYS else len(CAMERA_KEYS), name
-
-
-def _resolution(measured: Measured, camera: Camera | None) -> tuple[int, int]:
-    if camera is not None:
-        return camera.resolution
-    windows = [m.group.window or (0, m.shape[0], 0, m.shape[1]) for m in measured.moments]
-    return max(w[1] for w in windows), max(w[3] for w in windows)

@@ -1,7 +1,6 @@
 """From frames without light: black level, read noise, temporal noise of frames, rows and columns, DSNU and its spectra."""
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -32,11 +31,6 @@ NEEDS_STILL = "two or more bias frames (lens capped, shortest exposure)"
 def tells(moments: GroupMoments) -> bool:
     """Whether mean and variance of dark frames are the camera's: not cut at 0, not rounded away."""
     return moments.clipped_low <= CLIPPED and (moments.n < 2 or rounds_evenly(moments))
-
-
-def dark_frames_tell(measured: Measured) -> bool:
-    """Whether the photon transfer may lean on dark frames: not where they are noisier than a flat."""
-    return all(tells(v.dark) for v in measured.sweep) and not flicker(measured)
 
 
 def flicker(measured: Measured) -> bool:
@@ -143,17 +137,12 @@ def temporal_parts(found: Findings, still: GroupMoments) -> None:
                 sigma_e = found.parameters[f"temporal.{name}_e"].value
                 found.effects.append({"name": f"{name}_noise", "sigma_e": sigma_e})
     size = height * width
-    frame = (
-        (1, t.frame, t.frame_df),
-        (-1, t.row, t.row_df),
-        (-1, t.column, t.column_df),
-        (1, t.pixel, t.pixel_df),
-    )
-    interval = root(variance_combination([(sign / size, ms, df) for sign, ms, df in frame]))
+    signs = {"frame": 1, "row": -1, "column": -1, "pixel": 1}
+    terms = [(sign / size, getattr(t, part), getattr(t, f"{part}_df")) for part, sign in signs.items()]
+    interval = root(variance_combination(terms))
     found.add("temporal.frame_dn", interval, "DN", source)
-    if interval[1] > 0.02 * math.sqrt(t.pixel) and read_noise.unsteady(
-        t.frame, max(t.row, t.column), t.frame_df
-    ):
+    is_unsteady = read_noise.unsteady(t.frame, max(t.row, t.column), t.frame_df)
+    if is_unsteady and interval[1] > 0.02 * math.sqrt(t.pixel):
         found.warn("black_level_drift: the offset of whole frames changes by more than the noise")
         if found.gain is not None:
             course = still.frame_means - still.frame_means.mean()
@@ -188,11 +177,10 @@ def add_profiles(found: Findings, master: np.ndarray) -> None:
     """Row and column profiles, their spectra, with a word on what no white pattern has."""
     curves: dict[str, np.ndarray] = {}
     for name, axis in (("row", 1), ("column", 0)):
-        profile = describe(master.mean(axis))
-        curves[f"{name}_profile_dn"] = profile.values
-        curves[f"{name}_frequency"], curves[f"{name}_power"] = profile.frequency, profile.power
-        if profile.peaks.size:
-            peaks = ", ".join(f"{f:.3f}" for f in profile.peaks[:4])
+        *spectrum, found_peaks = describe(master.mean(axis))
+        curves |= zip([f"{name}_{what}" for what in ("profile_dn", "frequency", "power")], spectrum)
+        if found_peaks.size:
+            peaks = ", ".join(f"{f:.3f}" for f in found_peaks[:4])
             found.warn(
                 f"{name}_structure: the master bias's {name} means have power at {peaks} cycles per {name}"
             )
@@ -211,31 +199,23 @@ def add_in_electrons(found: Findings, name: str, interval_dn: tuple[float, ...],
     found.add(f"{name}_e", widen(scaled, found.gain.relative_error), "e-", source)
 
 
-@dataclass(frozen=True)
-class LineProfile:
-    """One profile: values and their power spectrum; levels and slow course are part of the law in `visaug.camera.patterns`."""
+def describe(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The profile of rows or columns, (n,) in any unit, about its mean; frequencies, power at these, and its peaks.
 
-    values: np.ndarray
-    frequency: np.ndarray
-    power: np.ndarray
-
-    @property
-    def peaks(self) -> np.ndarray:
-        """Frequencies (cycles per line) whose power no white normal pattern would show (1 % in all)."""
-        power, even = self.power[1:].copy(), len(self.values) % 2 == 0
-        m = len(power) - even
-        fewest_frequencies = 8
-        if m < fewest_frequencies:
-            return np.empty(0)
-        rank = (m + 1) // 2
-        median = np.partition(power[:m], rank - 1)[rank - 1]
-        if not median > 0:  # lines without noise
-            return np.empty(0)
-        if even:
-            # Half the sampling frequency has one degree of freedom, the others two: the same probability.
-            white = median / np.log(2)
-            power[-1] = -white * (np.log(2) + log_ndtr(-np.sqrt(power[-1] / white)))
-        return self.frequency[1:][power > _least_peak(m, rank) * median]
+    Peaks: frequencies (cycles per line) whose power no white normal pattern would show (1 % in all).
+    """
+    values, is_even = np.asarray(values, np.float64) - np.mean(values), len(values) % 2 == 0
+    power, frequency = np.abs(np.fft.rfft(values)) ** 2 / len(values), np.fft.rfftfreq(len(values))
+    m, fewest_frequencies, rest = len(power) - 1 - is_even, 8, power[1:].copy()
+    rank = (m + 1) // 2
+    median = np.partition(rest[:m], rank - 1)[rank - 1] if m >= fewest_frequencies else 0.0
+    if not median > 0:  # too few lines, or lines without noise
+        return values, frequency, power, np.empty(0)
+    if is_even:
+        # Half the sampling frequency has one degree of freedom, the others two: the same probability.
+        white = median / np.log(2)
+        rest[-1] = -white * (np.log(2) + log_ndtr(-np.sqrt(rest[-1] / white)))
+    return values, frequency, power, frequency[1:][rest > _least_peak(m, rank) * median]
 
 
 @lru_cache(maxsize=64)
@@ -252,10 +232,3 @@ def _least_peak(m: int, rank: int) -> float:
         return logs + np.log((m - rank + 1) / false_peaks)
 
     return 1 + root_scalar(excess, bracket=(0.0, 1e4)).root
-
-
-def describe(values: np.ndarray) -> LineProfile:
-    """The profile of rows or columns, (n,) in any unit, about its mean."""
-    values = np.asarray(values, np.float64) - np.mean(values)
-    power = np.abs(np.fft.rfft(values)) ** 2 / len(values)
-    return LineProfile(values, np.fft.rfftfreq(len(values)), power)

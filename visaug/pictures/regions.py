@@ -117,9 +117,8 @@ def _level_at(level: np.ndarray, sky: float, spread: float) -> np.ndarray:
 
     Halves and columns of a sensor may differ by more than the noise; what recurs at a place is no dim part of a scene.
     """
-    least, common = (
-        np.quantile(level, q, axis=0) for q in (0.05, 0.3)
-    )  # of the pictures that show sky there
+    # of the pictures that show sky there
+    least, common = (np.quantile(level, q, axis=0) for q in (0.05, 0.3))
     agree = (common - least < _FAR * spread) & (common < sky + _MOST_DN) & (len(level) >= 10)
     return np.where(agree, common, sky)
 

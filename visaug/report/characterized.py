@@ -90,9 +90,8 @@ def _parameter_tables(parameters: dict[str, dict[str, Any]]) -> list[Table]:
     tables = []
     for group, caption in groups.items():
         head, shown = ["parameter", "value [95 % interval]", "unit", "from"], rows[group]
-        if all(
-            row[-1].lower() in caption.replace(",", "").lower() for row in shown
-        ):  # the source is said already
+        # where the caption says the source already
+        if all(row[-1].lower() in caption.replace(",", "").lower() for row in shown):
             head, shown = head[:-1], [row[:-1] for row in shown]
         tables += [Table(head, shown, caption)] if shown else []
     return tables
