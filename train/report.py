@@ -156,22 +156,20 @@ def _images(ablation: Ablation) -> Iterator[Text | Figure]:
             pictures += list(batch_noise(config.arm(name))(batch)[:, 0].numpy())
         titles += [f"arm {name}"] * 4
     yield figure(
-        plot_images(pictures, titles, limits=(0, 1)),
+        plot_images(pictures, titles),
         "The same clean images with the noise of each arm, which is drawn anew whenever an image is used.",
         raster=True,
     )
     if others:
         shown = [(name, read_pixels(file) / 255) for name, each in others for file in each.files[:4]]
         names, pictures = zip(*shown)
-        yield figure(
-            plot_images(pictures, names, limits=(0, 1)), "Images of the other test sets.", raster=True
-        )
+        yield figure(plot_images(pictures, names), "Images of the other test sets.", raster=True)
     vis = next((arm.vis for arm in map(config.arm, config.arms) if arm.vis), None)
     if vis is not None:
         camera = visaug.Camera.load(vis.cameras[0])
         parts = components(camera, clean[0])
         yield figure(
-            plot_components(list(parts.values()), list(parts), "DN", columns=3),
+            plot_components(list(parts.values()), list(parts)),
             f"Each noise component of {camera.name} on the first of these images: the difference of two exposures, with "
             "and without it, from the same random numbers. The colour scale ends at three standard deviations.",
             raster=True,

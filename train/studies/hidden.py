@@ -404,7 +404,7 @@ def _views(ablation: "Ablation") -> Figure:
     chosen = np.linspace(0, len(tests[PLAIN]) - 1, 4).astype(int)
     pictures = [read_pixels(tests[domain].files[i]) / 255 for domain in shown for i in chosen]
     return figure(
-        plot_images(pictures, [domain for domain in shown for _ in chosen], limits=(0, 1)),
+        plot_images(pictures, [domain for domain in shown for _ in chosen]),
         "The same views by the camera without an effect (plain) and with each.",
         raster=True,
     )

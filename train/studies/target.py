@@ -351,7 +351,7 @@ def _pictures(ablation: "Ablation") -> Figure:
             shown += [(f"clean, {camera.name}", image) for image in noisy[:, 0].numpy()]
     titles, pictures = zip(*shown)
     return figure(
-        plot_images(pictures, titles, columns=4, limits=(0, 1)),
+        plot_images(pictures, titles),
         "Pictures of the test sets, and clean training images with the noise of each camera.",
         raster=True,
     )

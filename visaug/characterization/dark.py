@@ -27,18 +27,16 @@ def dark_law(found: Findings, measured: Measured, frames: GroupMoments | None = 
             "dark current excludes the clipped charge",
             spoils=("dark_current.*", "emva.dark_current_*"),
         )
-    if measured.wanders:
-        law = _of_frames(measured, groups)
-        if law is not None:
-            found.warn(
-                "temperature_drift: the temperature changed during the dark frames; dark current is estimated "
-                "by one fit with the temperature and exposure of each frame, and one black level",
-                spoils=("emva.dark_current_*",),
-            )
-            _add_law(found, law, "one fit over the temperatures and exposures of all dark frames")
-            if frames is None or frames.group.temperature_c is None:
-                return 0.0
-            return _exp(law.log_a + law.b_per_c * frames.group.temperature_c) * frames.group.exposure_s
+    if measured.wanders and (law := _of_frames(measured, groups)) is not None:
+        found.warn(
+            "temperature_drift: the temperature changed during the dark frames; dark current is estimated "
+            "by one fit with the temperature and exposure of each frame, and one black level",
+            spoils=("emva.dark_current_*",),
+        )
+        _add_law(found, law, "one fit over the temperatures and exposures of all dark frames")
+        if frames is None or frames.group.temperature_c is None:
+            return 0.0
+        return _exp(law.log_a + law.b_per_c * frames.group.temperature_c) * frames.group.exposure_s
     lines = dark_current.slopes(dark_current.mean_points(groups))
     found_law(found, lines)
     if frames is None or not lines:

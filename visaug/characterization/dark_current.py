@@ -130,7 +130,7 @@ def slopes(points: Sequence[DarkPoint]) -> list[Slope]:
             lines.append((temperature, t, y, n, np.array(share)))
     misfit, expected, misfit_df = 0.0, 0.0, 0  # expected of a scatter of 1 DN^2
     for _, t, y, n, share in lines:
-        value, offset, lever, spread = line(t, y, n)
+        value, offset, lever, spread = weighted_line(t, y, n)
         if len(t) > 2:
             misfit += (n * (y - offset - value * t) ** 2).sum()
             expected += (share * (1 - n / n.sum() - n * lever**2 / spread)).sum()
@@ -139,7 +139,7 @@ def slopes(points: Sequence[DarkPoint]) -> list[Slope]:
         scatter, df = misfit / expected, misfit_df
     found = []
     for temperature, t, y, n, share in lines:
-        value, _, lever, spread = line(t, y, n)
+        value, _, lever, spread = weighted_line(t, y, n)
         by_lever = float((n * lever**2 * share).sum() / spread)
         found.append(Slope(temperature, value, math.sqrt(scatter / spread) * math.sqrt(by_lever), df))
     return sorted(found, key=lambda s: (s.temperature_c is not None, s.temperature_c or 0.0))
@@ -169,7 +169,7 @@ def law(found: Sequence[Slope]) -> DarkCurrentLaw | None:
     return _at_zero(fit.x[0], fit.x[1], covariance, centre, points[0].df, misfit)
 
 
-def line(t: np.ndarray, y: np.ndarray, n: np.ndarray) -> tuple[float, float, np.ndarray, float]:
+def weighted_line(t: np.ndarray, y: np.ndarray, n: np.ndarray) -> tuple[float, float, np.ndarray, float]:
     """Slope, offset, t about its middle and the weighted spread of that, for weights n."""
     middle = float((n * t).sum() / n.sum())
     lever = t - middle

@@ -114,8 +114,7 @@ def lit_window(frames: FrameSet, seen: Extremes, found: Findings) -> tuple[int, 
     brightest flats: no light of a lens or a lamp falls off like that.
     """
     flats = [v for v in seen.levels if v.kind == "flat"]
-    darks = [v for v in seen.levels if v.kind != "flat"]
-    if not darks:
+    if not (darks := [v for v in seen.levels if v.kind != "flat"]):
         return None
     bright = max(flats, key=lambda v: v.median)
     dark = min(darks, key=lambda v: v.median)
@@ -178,8 +177,7 @@ def stuck_pixels(seen: Extremes, found: Findings) -> np.ndarray | None:
         stuck |= seen.flat_low == seen.flat_high
     if seen.spans(flats_alone=False):
         stuck |= seen.low == seen.high
-    share = float(stuck.mean())
-    if not share:
+    if not (share := float(stuck.mean())):
         return None
     if share > _MOST:
         found.warn(

@@ -104,8 +104,7 @@ def _figures(found: Findings, measured: Measured) -> None:
             sensitivity[name] = value, *mean_error(parts)
         found.add("emva.quantum_efficiency", symmetric(*sensitivity["efficiency"]), "e-/photon", _R3)
         _saturation(found, levels, saturation, sensitivity["efficiency"])
-        linearity = emva_linearity(levels, saturation)
-        if linearity is not None:
+        if (linearity := emva_linearity(levels, saturation)) is not None:
             found.curves["emva4_linearity"] = linearity_curve(levels, saturation)
         for name in ("min", "max"):
             key = f"emva.linearity_error_{name}"
@@ -164,8 +163,7 @@ def _without_dark_current(
     found: Findings, measured: Measured, darks: list[GroupMoments]
 ) -> tuple[list[GroupMoments], bool]:
     """Those of the sweep `darks` that tell the noise at the flats' exposure, and whether a line over their exposures tells it."""
-    exposures = len({m.group.exposure_s for m in darks})
-    if exposures > 2:
+    if (exposures := len({m.group.exposure_s for m in darks})) > 2:
         return darks, True
     # with a log's rounding
     longest = 1.02 * max((v.flat.group.exposure_s for v in measured.levels), default=math.inf)
@@ -208,8 +206,7 @@ def _dark_noise(
 def _dark_current(found: Findings, darks: list[GroupMoments], gain: float, relative: float) -> None:
     for name, of, power in (("mean", mean_points, 1), ("variance", variance_points, 2)):
         key = f"emva.dark_current_{name}_e_per_s"
-        lines = slopes(of(darks))
-        if not lines:
+        if not (lines := slopes(of(darks))):
             found.miss(key, "dark frames at three or more exposures")
             continue
         line = lines[0]
@@ -237,8 +234,7 @@ def _disagree(found: Findings) -> None:
 
 
 def _spatial(found: Findings, measured: Measured, gain: float, relative: float) -> None:
-    level = _stack(measured)
-    if level is None:
+    if (level := _stack(measured)) is None:
         return
     flat, dark, signal = level.flat, level.dark, level.signal
     dark_map, flat_map = (mean_map(measured.frames, m.group.indices) for m in (dark, flat))

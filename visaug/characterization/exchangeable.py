@@ -37,8 +37,7 @@ def check(measured: Measured, found: Findings) -> None:
     tested, variances = [], []
     for m in groups:
         indices = chosen(m.group.indices)
-        residuals = residuals_of(measured.frames, indices, m.shape)
-        if residuals is None:
+        if (residuals := residuals_of(measured.frames, indices, m.shape)) is None:
             continue
         variances.append((m, indices, *frame_variances(residuals)))
         if m.n > 3:  # of three no such sum is left

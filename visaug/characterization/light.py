@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from visaug.characterization import additivity
-from visaug.characterization.dark_current import line
+from visaug.characterization.dark_current import weighted_line
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments, largest_place, mean_map
 from visaug.characterization.mosaic import Mosaic
@@ -38,8 +38,7 @@ _FROM_PHOTONS = (
 
 def gain_and_efficiency(found: Findings, measured: Measured, dark_tells: bool) -> PhotonTransferResult | None:
     """Photon transfer at the base gain."""
-    result = transfer(measured.sweep, dark_tells)
-    if result is None:
+    if (result := transfer(measured.sweep, dark_tells)) is None:
         needs = NEEDS_GAIN if measured.sweep else NEEDS_FLATS
         found.miss("gain_e_per_dn", needs if dark_tells else NEEDS_CLEAR_FLATS)
         found.miss("quantum_efficiency", NEEDS_PHOTONS)
@@ -115,8 +114,7 @@ def _causes(found: Findings, result: PhotonTransferResult, course: additivity.Va
 
 
 def _efficiency(found: Findings, result: PhotonTransferResult) -> None:
-    line = result.response
-    if line is None:
+    if (line := result.response) is None:
         found.miss("quantum_efficiency", NEEDS_PHOTONS)
         return
     gain = result.gain_dn_per_e
@@ -220,8 +218,7 @@ def response_pattern(
         colours = mosaic.map(shape)
         pattern /= colours
         noise = [(f * _noise_over(colours, m, result), m) for f, m in noise]
-    places = tile(pattern)
-    if places is not None:
+    if (places := tile(pattern)) is not None:
         pattern /= places
         noise = [(f * _noise_over(places, m, result), m) for f, m in noise]
         found.warn(
@@ -237,8 +234,7 @@ def response_pattern(
     source = f"analysis of variance of the pixels' slopes over {len(levels)} levels, smooth shading taken out"
     for name in PARTS:
         found.add(f"prnu.{name}", root(getattr(split, name), relative=uncertain), "fraction", source)
-    shading = np.ptp(surface(pattern))
-    if shading > 0.01:
+    if (shading := np.ptp(surface(pattern))) > 0.01:
         found.warn(f"shading: the light or the response varies smoothly by {shading:.1%} over the frame")
     if split.defects:
         found.warn(f"defects: {split.defects} pixels with an outlying response are excluded from PRNU")
@@ -255,8 +251,7 @@ def _noise_over(colours: np.ndarray, moments: GroupMoments, result: PhotonTransf
 
 def colour_efficiency(found: Findings, mosaic: Mosaic) -> None:
     """Quantum efficiency of green, whose share of a flat's mean signal is known."""
-    mean = found.parameters.get("quantum_efficiency")
-    if mean is None:
+    if (mean := found.parameters.get("quantum_efficiency")) is None:
         return
     share = sum(mosaic.response[i] for i in mosaic.green) / 2
     interval = (mean.value * share, mean.low * share, mean.high * share)
@@ -266,8 +261,7 @@ def colour_efficiency(found: Findings, mosaic: Mosaic) -> None:
 def capacity(found: Findings, result: PhotonTransferResult, pattern: Parts | None) -> None:
     """Full well from levels that charge clips."""
     spread = math.sqrt(max(pattern.total[0], 0.0)) if pattern else 0.0
-    well = full_well(result, spread)
-    if well is None:
+    if (well := full_well(result, spread)) is None:
         lower_gain = "a lower gain: at this gain the converter clips before the full well"
         clips = converter_clips(result.levels[-1])
         found.miss("full_well_e", lower_gain if clips else "calibrated flats beyond saturation")
@@ -291,7 +285,7 @@ def gain_law(found: Findings, measured: Measured, result: PhotonTransferResult) 
     measured_db = 20 * np.log10([p[1] for p in points])
     errors = 20 / math.log(10) * np.array([p[2] / p[1] for p in points])
     weights = 1 / errors**2
-    slope, _, lever, spread = line(db, measured_db, weights)
+    slope, _, lever, spread = weighted_line(db, measured_db, weights)
     residual = measured_db - (weights * measured_db).sum() / weights.sum() - slope * lever
     misfit = float((weights * residual**2).sum()) / max(len(db) - 2, 1)
     error = math.sqrt(max(misfit if len(db) > 2 else 0.0, 1.0) / spread)

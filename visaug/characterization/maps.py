@@ -43,8 +43,7 @@ def add_maps(found: Findings, measured: Measured) -> None:
         variances = pixel_variances(measured.frames, still.group.indices, lambda _: first)
         deviation = np.log(np.sqrt(variances + 1 / 12))  # rounding added
         marked.append(("unsteady", _stands_out(deviation) > odd, still.place))
-    response = found.maps.get("response")
-    if response is not None:
+    if (response := found.maps.get("response")) is not None:
         marked.append(("dead", np.abs(_stands_out(response)) > odd, found.response_place))
     if found.stuck is not None:
         marked.append(("dead", found.stuck, measured.moments[0].place))  # of sets of one window alone

@@ -53,17 +53,14 @@ def screened(frames: FrameSet, facts: list[Facts], found: Findings) -> tuple[Fra
     """The frames without stale ones, columns and rows that see no light, stuck pixels and cosmic rays."""
     frames, facts = in_time.without_stale(frames, facts, merged_groups(frames, facts), found)
     groups = merged_groups(frames, facts)
-    seen = defective.extremes(frames, facts, groups)
-    if seen is None:
+    if (seen := defective.extremes(frames, facts, groups)) is None:
         return frames, facts
     codes.check(seen, found)
-    window = defective.lit_window(frames, seen, found)
-    if window is not None:
+    if (window := defective.lit_window(frames, seen, found)) is not None:
         found.lit = window
         frames, seen = defective.cut(frames, seen, window)
         facts = look(frames)
-    stuck = defective.stuck_pixels(seen, found)
-    if stuck is not None:
+    if (stuck := defective.stuck_pixels(seen, found)) is not None:
         frames = defective.without(frames, stuck)
     return in_time.without_hits(frames, groups, found), facts
 

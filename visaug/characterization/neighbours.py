@@ -109,8 +109,7 @@ def _warn_shared(found: Findings, correlation: np.ndarray) -> None:
         "covariances, the emva figures from the variance alone",
         spoils=_OF_THE_STANDARD,
     )
-    share = _coupling(beside)
-    if share > 0:
+    if (share := _coupling(beside)) > 0:
         found.effects.append({"name": "interpixel_crosstalk", "share": share})
 
 

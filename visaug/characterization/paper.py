@@ -31,8 +31,7 @@ def procedure(found: Findings, measured: Measured, camera: Camera | None) -> Non
         found.gain = MeasuredGain(1 / camera.gain_at(measured.gain_db), 0.0, measured=False)
     found.miss("gain_e_per_dn", NEEDS_FLATS + "; this procedure has none")
     found.miss("quantum_efficiency", NEEDS_PHOTONS + "; this procedure has none")
-    still = measured.still
-    if still is None:
+    if (still := measured.still) is None:
         found.miss("read_noise.sigma_e", NEEDS_STILL)
     else:
         _bias(found, measured, still)

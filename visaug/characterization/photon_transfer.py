@@ -60,8 +60,7 @@ def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTran
         dark_tells: whether mean and variance of the dark frames are those of the camera. Where they are cut
             at 0 or rounded away, the flats alone tell the gain: V against the mean, its intercept free.
     """
-    levels = tuple(levels)
-    if not levels:
+    if not (levels := tuple(levels)):
         return None
     saturation = saturated_level(levels)
     safe = safe_levels(levels, saturation, dark_tells)
@@ -115,8 +114,7 @@ def _scatter(
 
     Zeros where noise explains it.
     """
-    spare = len(levels) - basis.shape[1]
-    if spare < 1:
+    if (spare := len(levels) - basis.shape[1]) < 1:
         return 0.0, 0.0, 0
     y = np.array([v.variance_of_all + (0.0 if dark_tells else v.dark.variance) for v in levels])
     errors = np.array([v.variance_error for v in levels])

@@ -139,11 +139,9 @@ class Characterization:
         fresh = {"name": "characterized camera", "resolution": list(self.resolution or (1, 1))}
         content: dict[str, Any] = copy.deepcopy(dict(self.base or fresh))
         _put(content, found)
-        effects = _effects(content, self)
-        if effects:
+        if effects := _effects(content, self):
             content["effects"] = effects
-        assumed = _assumptions(self, found)
-        if assumed:
+        if assumed := _assumptions(self, found):
             content["assumed"] = assumed
         if self.method == "pictures":
             measured = {k: e for k, e in self.parameters.items() if not k.startswith("image.")}
@@ -255,8 +253,7 @@ def _put(content: dict[str, Any], found: Mapping[str, float]) -> None:
             content.setdefault(part, {})[name] = value
         else:
             content[key] = value
-    shape = content.get("read_noise", {}).get("shape")
-    if shape is not None:
+    if (shape := content.get("read_noise", {}).get("shape")) is not None:
         content["read_noise"]["shape"] = max(shape, LEAST_SHAPE)
 
 

@@ -127,8 +127,7 @@ def fit_locations(
             trial = p + step
             trial[1] = np.clip(trial[1], *tukey.SHAPE_BOUNDS)
             trial[3] = max(trial[3], p[0] - 4.0)  # a spread of 2 % of the noise is none
-            new = _log_likelihood(trial, sample, centre).sum()
-            if new > value:
+            if (new := _log_likelihood(trial, sample, centre).sum()) > value:
                 p, value = trial, new
                 break
             step *= 0.4

@@ -180,8 +180,7 @@ def _measure(
 
 
 def _without_light(found: Findings, measured: Measured, seed: int) -> None:
-    frames = measured.still
-    if frames is None:
+    if (frames := measured.still) is None:
         for name in ("black_level_dn", "read_noise.sigma_e", "read_noise.shape"):
             found.miss(name, still.NEEDS_STILL)
         for part in PARTS:
@@ -217,8 +216,7 @@ def _result(
         settings["gain_db"] = measured.gain_db
         if found.bit_depth is not None:
             settings["bit_depth"] = found.bit_depth
-        flats = [v.flat.group.exposure_s for v in measured.levels]
-        if flats:
+        if flats := [v.flat.group.exposure_s for v in measured.levels]:
             settings["exposure_s"] = float(np.median(flats))
         if measured.temperature_c is not None:
             settings["temperature_c"] = measured.temperature_c

@@ -78,8 +78,7 @@ def noise_of_reading(
     interval = (sigma, max(low, 0.0), high)
     shape = symmetric(fitted.shape, fitted.shape_error, fitted.df)
     found.add("read_noise.shape", tukey.hold_both_gaussians(shape), "1", source)
-    own = pixel_noise(measured.frames, still)
-    if own is not None:
+    if (own := pixel_noise(measured.frames, still)) is not None:
         interval = _own_noise(found, still, own, interval, dark_variance_dn2)
     add_in_electrons(found, "read_noise.sigma", interval, source)
     curve = {"residual_dn": fitted.centres_dn, "counts": fitted.counts, "model": fitted.model}
@@ -119,8 +118,7 @@ def _own_noise(
 
 def temporal_parts(found: Findings, still: GroupMoments) -> None:
     """Noise that whole frames, rows or columns share, from frame to frame."""
-    t = still.temporal
-    if t is None:
+    if (t := still.temporal) is None:
         return
     height, width = still.shape
     source = f"three-way analysis of variance of {still.n} {still.group.kind} frames"

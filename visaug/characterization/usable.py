@@ -38,8 +38,7 @@ def usable(frames: FrameSet, resolution: Sequence[int]) -> FrameSet:
 
 
 def _explained(frames: FrameSet, resolution: Sequence[int]) -> FrameSet:
-    found = found_by_checks(frames)
-    if found is None:
+    if (found := found_by_checks(frames)) is None:
         return frames
     made = frames
     sizes = {(frames.shape(i), r.window) for i, r in enumerate(frames.records)}

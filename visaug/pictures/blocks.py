@@ -205,10 +205,6 @@ class Levels:
         noise = np.sqrt(self.variance) * scale
         return {"level_dn": self.level * scale, "noise_dn": noise, "error_dn": noise * self.error / 2}
 
-    def above(self, deviations: float) -> "Levels":
-        """Those levels that lie this many standard deviations above code 0."""
-        return self.where(self.level > deviations * np.sqrt(self.variance))
-
     def where(self, kept: np.ndarray) -> "Levels":
         """The levels of a mask (levels,)."""
         of_levels = ("number", "level", "variance", "chosen", "error", "structure")

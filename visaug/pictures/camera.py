@@ -115,15 +115,14 @@ def _camera(
             "one_level: flat regions lie at one level only; without a slope there is no gain, and no camera"
         )
         return _no_camera(found, needs, said)
-    sky = find_sky(blocks, levels)
-    if sky:
+    if sky := find_sky(blocks, levels):
         levels = noise_by_level(
             blocks, rounding, len(pictures), (sky.level - sky.reach, sky.level + sky.reach)
         )
     cut = 3.0  # standard deviations of noise above code 0
     if pictures.is_jpeg and sky and sky.level < cut * math.sqrt(levels.variance[0]):
         # A decoder cuts what JPEG has moved below 0, so noise there follows no law of the sensor.
-        levels, sky = levels.above(cut), None
+        levels, sky = levels.where(levels.level > cut * np.sqrt(levels.variance)), None
         found.warn(
             "black_cut_by_jpeg: black lies at code 0 and JPEG cuts its noise again; noise near black is left out"
         )

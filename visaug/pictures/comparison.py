@@ -149,8 +149,7 @@ def compare_pictures(
         sets.append(one)
         parts.append(_parts(one))
     say("reading pictures", 2, 2)
-    noise = _noise(*sets)
-    if not noise:
+    if not (noise := _noise(*sets)):
         warnings.append(
             "noise_not_compared: the two sets have no flat regions at a common level; noise that neighbours share, as after "
             "denoising or demosaicing, cannot be told from texture"
@@ -179,9 +178,8 @@ def _noisy(
     for n in range(len(pictures)):
         clean = torch.from_numpy(pictures.read(n).astype(np.float32) / 255)[None, None]
         taken.append(np.rint(255 * noise(clean)[0, 0].numpy()).astype(np.uint8))
-    return FrameSet.from_arrays(
-        [FrameRecord(n, name, "image") for n, name in enumerate(pictures.names)], taken
-    )
+    files = [pictures.frames.records[i].file for i in pictures.indices]
+    return FrameSet.from_arrays([FrameRecord(n, file, "image") for n, file in enumerate(files)], taken)
 
 
 def _prepared(name: str, frames: FrameSet, seed: int, warnings: list[str]) -> _Set:

@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -38,10 +37,6 @@ class PictureSet:
         """DN of the files per 1/255 of full scale."""
         return self.top_dn / 255
 
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        return tuple(self.frames.records[i].file for i in self.indices)
-
     def read(self, n: int) -> np.ndarray:
         """Picture `n`, (H, W) in 1/255 of full scale."""
         return self.frames.read(self.indices[n]).astype(np.float64) / self.scale
@@ -51,8 +46,7 @@ def largest_group(frames: FrameSet, warn: Callable[[str], object]) -> PictureSet
     """The pictures of the commonest size and JPEG table; the others are reported."""
     every = [i for i, r in enumerate(frames.records) if r.kind == "image"]
     files = {i: _file(frames, i) for i in every}
-    groups = Counter(files.values())
-    if not groups:
+    if not (groups := Counter(files.values())):
         raise InputError("holds no ordinary pictures", expected="pictures of scenes (PNG, TIFF, JPEG)")
     chosen, count = groups.most_common(1)[0]
     shape, table = chosen.shape, chosen.table

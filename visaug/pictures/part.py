@@ -210,18 +210,12 @@ class PicturePart:
             light = torch.from_numpy(s.light[numbers])[:, None]
             with torch.no_grad():
                 light, lens = self._before_the_lens(camera, light, stream)
-                picture = self._developed(camera, light, stream)
-            taken.append((torch.round(s.codes * picture) * (255 / s.codes)).numpy())
+                dn = camera.expose(light * _white(camera), stream, resolution=self.resolution)
+                picture = encoded(dn / (2**camera.bit_depth - 1), s.transfer)
+                picture = camera.finish(picture, stream) if camera.finishes else picture
+            taken.append((torch.round(s.codes * picture[:, 0].clamp(0, 1)) * (255 / s.codes)).numpy())
             shaded += [] if lens is None else [lens]
         return np.concatenate(taken), np.concatenate(shaded) if shaded else None
-
-    def _developed(self, camera: Camera, light: Tensor, stream: Stream) -> Tensor:
-        """(B, H, W) in [0, 1]."""
-        top = 2**camera.bit_depth - 1
-        dn = camera.expose(light * _white(camera), stream, resolution=self.resolution)
-        picture = encoded(dn / top, self.scenes.transfer)
-        picture = camera.finish(picture, stream) if camera.finishes else picture
-        return picture[:, 0].clamp(0, 1)
 
     def _before_the_lens(
         self, camera: Camera, light: Tensor, stream: Stream

@@ -38,7 +38,7 @@ class VariancePart:
         return VariancePart(self.variance - other.variance, float(np.hypot(self.error, other.error)), fewest)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Pattern:
     """Parts by name: pixel, prnu; row, column (all of it), row_fixed, column_fixed (what recurs). None: not told."""
 
@@ -117,11 +117,7 @@ def recurring(
             lit.add(n % 2, noise, np.where(flat & (x > 10.0), x, 0.0), x)  # brighter ones tell their response
         for axis, kept in lines.items():
             kept.add(n % 2, linear, dark, axis, usable)
-    found = Pattern()
-    found.pixel, found.prnu = _dark_and_response(plain, lit)
-    found.row, found.row_fixed = lines[0].parts()
-    found.column, found.column_fixed = lines[1].parts()
-    return found
+    return Pattern(*_dark_and_response(plain, lit), *lines[0].parts(), *lines[1].parts())
 
 
 class _Places:

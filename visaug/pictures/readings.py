@@ -72,8 +72,7 @@ def readings_of(curve: NoiseCurve, start: VarianceLaw) -> list[Reading]:
     """
     start = replace(start, prnu=_deviation(curve.pattern.prnu))
     fits = [_fit(tone, curve, start) for tone in TONES]
-    fits = [(law, chi) for law, chi in fits if law.read < law.shot * 255]
-    if not fits:
+    if not (fits := [(law, chi) for law, chi in fits if law.read < law.shot * 255]):
         return []
     least = min(chi for _, chi in fits)
     scale = max(least / max(len(curve.levels.level) - 2, 1), 1.0)

@@ -31,6 +31,10 @@ from visaug.pictures.blocks import (
 _FAR = 4.0  # robust standard deviations of the sky's blocks
 _MOST_DN = 15.0  # of the sky's spread: more is no sky
 KEPT = U + V > 4  # coefficients that the choice does not look at
+_BASIS = np.asarray(fft.idctn(np.eye(SIDE * SIDE).reshape(-1, SIDE, SIDE), axes=(1, 2), norm="ortho"))
+_KEPT_BASIS = _BASIS.reshape(SIDE * SIDE, -1)[KEPT.ravel()]
+# (64, 64) projection of a block on the coefficients that are kept
+_FINE = (_KEPT_BASIS.T @ _KEPT_BASIS).astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -179,13 +183,3 @@ def as_pixels(blocks: np.ndarray) -> np.ndarray:
 def _as_if_everywhere(left: np.ndarray, where: np.ndarray) -> np.ndarray:
     """What is left in regions, with the variance over all pixels that it has there, however many they are."""
     return left / np.float32(np.sqrt(max(float(where.mean()), 1e-6)))
-
-
-def _fine() -> np.ndarray:
-    """(64, 64) projection of a block on the coefficients that are kept."""
-    basis = np.asarray(fft.idctn(np.eye(SIDE * SIDE).reshape(-1, SIDE, SIDE), axes=(1, 2), norm="ortho"))
-    kept = basis.reshape(SIDE * SIDE, -1)[KEPT.ravel()]
-    return (kept.T @ kept).astype(np.float32)
-
-
-_FINE = _fine()

@@ -17,8 +17,7 @@ def jackknife(
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """Value, standard error and degrees of freedom of figures of weighted pictures, by leaving out groups of them."""
     value = figures(np.ones(pictures))
-    groups = min(pictures, 12)
-    if groups < 2:
+    if (groups := min(pictures, 12)) < 2:
         return value, np.full(len(value), np.nan), 1
     member = np.arange(pictures) % groups
     left = np.array([figures((member != g).astype(float)) for g in range(groups)])

@@ -23,6 +23,7 @@ from visaug.report.next_step import (
     picture_inputs,
 )
 from visaug.report.plots.error import plot_error_steps, plot_ranking
+from visaug.report.plots.style import blank
 from visaug.report.plots.view import plot_used
 from visaug.report.views import ViewGallery, all_views
 
@@ -129,9 +130,7 @@ def write_picture_comparison(path: str | Path, result: "PictureComparison") -> P
 
 
 def _noise(result: "PictureComparison") -> "MatplotlibFigure":
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    drawn = MatplotlibFigure(figsize=(6.5, 3.6), layout="constrained")
+    drawn = blank(6.5, 3.6)
     axes = drawn.subplots()
     for (name, c), marker in zip(result.curves.items(), "os", strict=True):
         label = "target" if name == "target" else "other set"
@@ -201,8 +200,7 @@ def diagnosis_sections(
     if content["accepted"]:
         found.append(_accepted_table(content))
     sections = [Section("What is missing", found)]
-    views = list(dict.fromkeys(place["view"] for place in content["where"]))[:4]
-    if views:
+    if views := list(dict.fromkeys(place["view"] for place in content["where"]))[:4]:
         gallery = ViewGallery(frames, camera, seed, better if content["accepted"] else None)
         worst = _worst_frames(content["where"])
         pictures = list(gallery.pictures(views, _captions(content["where"]), worst).values())

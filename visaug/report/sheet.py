@@ -111,8 +111,7 @@ def _point(point: OperatingPoint) -> dict[str, Any]:
 def _table(heading: str, rows: Sequence[Row], result: Characterization) -> dict[str, Any]:
     made = []
     for name, symbol, key, factor in rows:
-        e = result.parameters.get(key)
-        if e is None:
+        if (e := result.parameters.get(key)) is None:
             if name and key in result.not_determined:
                 made.append((name, symbol, "not determined", "", ""))
             continue
@@ -128,8 +127,7 @@ def _cell(value: float) -> str:
 
 
 def _defects(result: Characterization, what: str) -> dict[str, Any] | None:
-    c = result.curves.get(f"emva4_defects_{what}")
-    if c is None:
+    if (c := result.curves.get(f"emva4_defects_{what}")) is None:
         return None
     unit = "e-" if what == "dsnu" else "%"
     rows = [

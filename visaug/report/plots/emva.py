@@ -100,8 +100,7 @@ def linearity(result: Characterization) -> Figure:
     axes.plot(c["photons"], 100 * c["deviation"], ".-", color=_POINT, linewidth=0.8)
     axes.axhline(0, color=_LINE, linewidth=1)
     for name in ("min", "max"):
-        estimate = result.parameters.get(f"emva.linearity_error_{name}")
-        if estimate:
+        if estimate := result.parameters.get(f"emva.linearity_error_{name}"):
             axes.axhline(100 * estimate.value, color=_SOFT, linestyle="--", linewidth=0.9)
     return _finish(figure, axes, "photons per pixel (dashed: LE min, LE max)", "deviation (%)")
 

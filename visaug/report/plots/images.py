@@ -12,29 +12,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def plot_images(
-    images: Sequence[np.ndarray],
-    titles: Sequence[str],
-    *,
-    columns: int = 4,
-    limits: tuple[float, float] | None = None,
-) -> "Figure":
-    """A grid of images of one size.
-
-    Args:
-        images: (H, W) or (H, W, 3) arrays.
-        titles: one for each image.
-        columns: images in a row.
-        limits: values shown as black and white; by default 1st and 99th percentile of all images together.
-    """
-    if limits is None:
-        everything = np.concatenate([np.asarray(image, float).ravel() for image in images])
-        low, high = np.percentile(everything, [1, 99])
-        limits = (float(low), float(high) if high > low else float(low) + 1)
+def plot_images(images: Sequence[np.ndarray], titles: Sequence[str]) -> "Figure":
+    """A grid of images of one size, (H, W) or (H, W, 3) in [0, 1], each with its title, four in a row."""
     with styled():
-        figure, cells = image_grid(images, columns, 0.32)
+        figure, cells = image_grid(images, 4, 0.32)
         for axes, image, title in zip(cells, images, titles):
-            axes.imshow(image, cmap="gray", vmin=limits[0], vmax=limits[1])
+            axes.imshow(image, cmap="gray", vmin=0, vmax=1)
             axes.set_title(title, fontsize=9)
     return figure
 
@@ -52,14 +35,12 @@ def image_grid(
     return figure, cells
 
 
-def plot_components(
-    images: Sequence[np.ndarray], titles: Sequence[str], unit: str, columns: int = 4
-) -> "Figure":
-    """Noise components, each on its own scale of three standard deviations, which the title states."""
+def plot_components(images: Sequence[np.ndarray], titles: Sequence[str]) -> "Figure":
+    """Noise components in DN, each on its own scale of three standard deviations, which the title states; three in a row."""
     with styled():
-        figure, cells = image_grid(images, columns, 0.48)
+        figure, cells = image_grid(images, 3, 0.48)
         for axes, image, title in zip(cells, images, titles):
             spread = float(np.std(image)) or 1.0
             axes.imshow(image - np.mean(image), cmap="RdBu_r", vmin=-3 * spread, vmax=3 * spread)
-            axes.set_title(f"{title}\nσ = {np.std(image):.3g} {unit}", fontsize=8.5)
+            axes.set_title(f"{title}\nσ = {np.std(image):.3g} DN", fontsize=8.5)
     return figure
