@@ -31,7 +31,6 @@ class VarianceFits:
 
     def of_averages(self, dark_dn2: float) -> bool:
         """Whether flats that are averages of several frames, of raw dark frames' variance `dark_dn2`, explain the lift too.
-
         Averages of m have 1/m of each variance, so that their line lies (1 - 1/m) of the dark variance too low.
         """
         slack = 3.0 * abs(self.intercept_dn2 / self.lift) if self.lift else 0.0  # three standard errors

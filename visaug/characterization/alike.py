@@ -15,7 +15,6 @@ SAME_C = 0.6  # a sensor's reading wanders by that much; steps of a ladder are w
 def merged_groups(frames: FrameSet, facts: Sequence[Facts]) -> list[Group]:
     """Frames taken alike: settings that differ by less than a log wanders count as one, and flats of one
     setting whose light was changed are apart.
-
     Dark frames right after a lit one are apart from the others: the lit one may linger in them.
     """
     found: dict[tuple, list[int]] = {}

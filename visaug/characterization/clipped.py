@@ -219,7 +219,6 @@ def lines(
     master: np.ndarray, fit: RoundedFit, rows: LineLocations, columns: LineLocations, pixel_var: float | None
 ) -> tuple[LineLocations, LineLocations, float]:
     """Locations of rows and columns, by turns, and the pixels' variance (DN^2): as given, or what the two leave.
-
     Without a value the fit's spread is that of all three together.
     """
     column_errors = master.std(0, ddof=1) / math.sqrt(len(master))
@@ -258,7 +257,6 @@ def locations(
 
 def cut_mean(fit: RoundedFit, within: float, electrons: float = 0.0, dn_per_e: float = 0.0):
     """Grid of mean levels (DN) and the mean of max(0, level + noise), rounded, there.
-
     The noise: read noise, N(0, within) of locations, and the Poisson spread (its skewness too) of `electrons`.
     """
     law = tukey.law(fit.shape)

@@ -28,7 +28,6 @@ def check(seen: Extremes, found: Findings) -> None:
 
 def _step(counts: np.ndarray) -> float | None:
     """Mean step of the codes of one level, DN; None where none are left out.
-
     Runs of empty codes between two codes that many pixels have are all of one length but for rounding.
     """
     # pixels at the codes on either side: an empty one between them has a probability of exp(-20)

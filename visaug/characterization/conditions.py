@@ -24,11 +24,8 @@ _DEPTHS = (8, 10, 12, 14, 16)
 
 def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[FrameSet, list[Facts]]:
     """The frames that can be measured together, and the facts of each.
-
     Left out, with a warning: frames of other camera settings than the commonest, and master frames.
-
-    Args:
-        told_bits: bits of the converter where somebody told them.
+    `told_bits`: bits of the converter where somebody told them.
     """
     frames = frames.subset([i for i, r in enumerate(frames.records) if r.kind in KINDS])
     frames = _in_celsius(frames, found)
@@ -98,7 +95,6 @@ def _without_one_light(frames: FrameSet, facts: Sequence[Facts], found: Findings
 
 def _without_copies(frames: FrameSet, facts: list[Facts], found: Findings) -> tuple[FrameSet, list[Facts]]:
     """Each frame once: a copy beside its original has no noise of its own (`FrameSet.check` names it).
-
     Equal sums over the four places of a 2 x 2, equal extremes and equal noise are a copy; a camera whose frames are mostly alike
     has no noise, and stays as it is.
     """

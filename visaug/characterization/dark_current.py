@@ -110,7 +110,6 @@ def _at_zero(
 
 def slopes(points: Sequence[DarkPoint]) -> list[Slope]:
     """A straight line against exposure at every temperature with two or more exposures.
-
     The error comes from how frames scatter about their group (black-level drift is in it) or, where lines
     have three or more exposures, from how groups scatter about the lines, whichever is larger. Scatter that is
     known counts at its own exposure: variances scatter the more the larger they are, where a line has its lever.

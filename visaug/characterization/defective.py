@@ -109,7 +109,6 @@ def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) 
 
 def lit_window(frames: FrameSet, seen: Extremes, found: Findings) -> tuple[int, int, int, int] | None:
     """Rows and columns that see light, where lines at an edge see none (overscan, optically black lines).
-
     A covered line is at less than 2 % of the median response and its neighbour at more than half of it, in the
     brightest flats: no light of a lens or a lamp falls off like that.
     """
@@ -168,7 +167,6 @@ def cut(frames: FrameSet, seen: Extremes, window: tuple[int, int, int, int]) -> 
 
 def stuck_pixels(seen: Extremes, found: Findings) -> np.ndarray | None:
     """(H, W) pixels that do not answer to light; None where there are none.
-
     A pixel of one value in all flats (or all frames) whose levels are more than eight noises apart, or one that
     is at the least or greatest value of all frames of a level, eight noises from that level.
     """
@@ -201,7 +199,6 @@ def stuck_pixels(seen: Extremes, found: Findings) -> np.ndarray | None:
 
 def without(frames: FrameSet, bad: np.ndarray) -> FrameSet:
     """The frames with the value of the nearest sound pixel of the same colour in place of a bad one's.
-
     A neighbour's value has the law of a sound pixel, which a mean or a constant does not.
     """
     at, source = np.nonzero(bad), donors(bad)

@@ -46,10 +46,8 @@ def sweep_curves(
 
 def pattern_curves(values: np.ndarray, noise: float) -> dict[str, np.ndarray]:
     """Arrays of the plots of one map: spectrograms, profiles and histograms along rows and columns.
-
-    Args:
-        values: (H, W) map in the plot's unit (e- or %).
-        noise: variance of the temporal noise that is left in the map, in its unit squared.
+    `values`: (H, W) map in the plot's unit (e- or %).
+    `noise`: variance of the temporal noise that is left in the map, in its unit squared.
     """
     curves: dict[str, np.ndarray] = {"noise": np.array([math.sqrt(max(noise, 0.0))])}
     for name, lines in (("horizontal", values), ("vertical", values.T)):

@@ -71,10 +71,8 @@ def _check_variances(
     found: Findings,
 ) -> None:
     """Warns of frames that have more noise than the others of their group, or less, beyond what their light explains.
-
-    Args:
-        variances_of: group, its frames, the variance of the noise of each, and its standard error.
-        several: number of groups of three or more frames.
+    `variances_of`: group, its frames, the variance of the noise of each, and its standard error.
+    `several`: number of groups of three or more frames.
     """
     dark = {id(v.flat): v.dark.mean for v in measured.levels}
     apart: list[int] = []

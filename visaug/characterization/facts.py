@@ -80,7 +80,6 @@ def _noise(frame: np.ndarray) -> float:
 
 def temporal_variances(frames: FrameSet, indices: Sequence[int]) -> np.ndarray:
     """Temporal variance of each of three or more frames by itself, DN^2 (n,).
-
     The variances of the differences of three frames, D_ab = v_a + v_b and so on, tell that of each: v_a = (D_ab + D_ac - D_bc) / 2.
     """
     n = len(indices)

@@ -17,7 +17,6 @@ from visaug.frames import FrameSet
 @dataclass(frozen=True)
 class FlatLevel:
     """A flat and the dark frames that belong to it.
-
     `dark_signal` is what dark current adds in the flat beyond its dark frames, whose exposure may differ
     (DN); `dark_rate_error` the standard error of its rate (DN/s), None where the rate is not known. `band_variance`
     is what rows share in flats alone, `shared_variance` the sum of the covariances of the light's noise with the eight
@@ -77,7 +76,6 @@ class FlatLevel:
     @property
     def variance_error(self) -> float:
         """Standard error of the level's variance of white normal noise and of what was added to it, DN^2.
-
         Light that is uneven over the pixels makes their variances uneven, and their mean the less certain.
         """
         light = max(1 - self.dark.variance / self.flat.variance, 0.0) if self.flat.variance > 0 else 0.0
@@ -102,7 +100,6 @@ class FlatLevel:
 @dataclass(frozen=True)
 class Measured:
     """A frame set's groups, measured and sorted by their part.
-
     `levels` (by photons or signal) are the flats at the base gain that have a dark partner, `other_gains`
     those at other gains; `darks` and `biases` are those at the base gain.
     """
@@ -186,7 +183,6 @@ def _with_rate(level: FlatLevel, lines: Sequence[Slope]) -> FlatLevel:
 
 def _pair(moments: list[GroupMoments]) -> tuple[FlatLevel, ...]:
     """Each flat with the dark or bias frames of nearest temperature and exposure in the same window.
-
     Of a flat of unknown temperature the exposure alone decides.
     """
     levels = []

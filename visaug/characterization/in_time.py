@@ -73,7 +73,6 @@ class _Peaks:
 
 def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> FrameSet:
     """The frames with a neighbour's value where a pixel is far brighter in one frame than in the others of its group.
-
     A hit is one pixel, or two or three in a line in one frame, whose greatest value is farther from the second greatest than
     noise of the group's law would have it anywhere in the set (once in 1000 sets). Noise has tails on both sides, but hits
     brighten: where pixels of dark frames fall below their other values by more than normal noise, hits must exceed that by
@@ -150,7 +149,6 @@ def _tail(dips: Sequence[tuple[_Peaks, int]]) -> float:
 
 def _most_often(counts: np.ndarray, groups: int) -> int:
     """In how many groups a pixel may be hit: where hits fall by chance, more happens in one set of ten; 0 for no hits at all.
-
     Where more pixels than by chance (once in 1000 sets) are hit again, pixels jump by themselves; where they are a tenth of
     those that were hit, the others may be such pixels too.
     """

@@ -187,7 +187,6 @@ def response_pattern(
     found: Findings, measured: Measured, result: PhotonTransferResult, mosaic: Mosaic | None
 ) -> Parts | None:
     """PRNU by row, column and pixel from the slope of every pixel over the safe levels.
-
     On a mosaic each pixel is compared with those of its own colour.
     """
     place = largest_place(result.levels[i].flat for i in result.safe)

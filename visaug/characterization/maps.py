@@ -153,7 +153,6 @@ def with_pixel_spread(values: np.ndarray, deviation: float) -> np.ndarray:
 
 def without_noise(values: np.ndarray, error: float) -> np.ndarray | None:
     """The map with its pixel part drawn to the deviation that it has without noise of `error`.
-
     Returns None if noise of `error` explains the deviation of the pixels and no pixel is defective.
     """
     residual, width, free, defects = _pixel_part(values)

@@ -17,7 +17,6 @@ Place = tuple[tuple[int, int], Window | None]
 @dataclass(frozen=True)
 class TemporalParts:
     """Mean squares of the temporal noise about the mean map and their degrees of freedom.
-
     Expectations: ``frame`` HW s_t^2 + W s_tv^2 + H s_th^2 + s_tvh^2; ``row`` W s_tv^2 + s_tvh^2; ``column`` H s_th^2 + s_tvh^2;
     ``pixel`` s_tvh^2 (t frame, v row, h column). The 3-D noise model: J. D'Agostino and C. Webb, Proc. SPIE 1488 (1991) 110.
     """

@@ -14,7 +14,6 @@ PLAIN = 0.02  # of the signal: neighbours on a diagonal of a monochrome sensor d
 @dataclass(frozen=True)
 class Mosaic:
     """Response of the four places of a 2 x 2 over their mean, and their names.
-
     The greens are the diagonal whose two places are more alike, unless the header tells the pattern.
     """
 
@@ -45,10 +44,8 @@ class Mosaic:
 
 def find_mosaic(frames: FrameSet, facts: Sequence[Facts]) -> Mosaic | None:
     """The mosaic that a header tells or bright flats show; None for a monochrome sensor.
-
     Where the two places that a header calls green differ, and those of the other diagonal are alike, the flats are believed, and
     `contradicted` says so.
-
     Rows or columns that differ, odd from even, make no mosaic: there the sums of both diagonals are alike.
     """
     told = {r.bayer for r in frames.records if r.bayer is not None}

@@ -43,7 +43,6 @@ class Covariances:
 
 def covariances(frames: FrameSet, moments: GroupMoments) -> Covariances:
     """Of the residuals about the group's mean map, the mean of each row and column of each frame taken out.
-
     Taking them out leaves -v/W between pixels of one row and -v/H between those of one column: added back.
     """
     indices, part = moments.group.indices, middle(moments.shape)

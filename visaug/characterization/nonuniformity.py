@@ -112,10 +112,8 @@ def release_4(
     row_noise: float | None = None,
 ) -> dict[str, float]:
     """Spatial variances of a stack by EMVA 1288 release 4, DN^2 (may be negative).
-
-    Args:
-        total_noise, column_noise, row_noise: temporal variance that is left in the mean of the pixels, of the column
-            means and of the row means; by default that of white noise, as the standard has it.
+    `total_noise`, `column_noise`, `row_noise`: temporal variance that is left in the mean of the pixels, of the column
+    means and of the row means; by default that of white noise, as the standard has it.
     """
     height, width = measured.shape
     # The standard divides by the number of rows or columns; with noise as measured the estimate is unbiased instead.
@@ -149,7 +147,6 @@ def not_white(m: GroupMoments) -> list[str]:
 
 def corrected_split(m: GroupMoments) -> dict[str, float]:
     """Release 4's spatial variances with the temporal variance that rows and columns have, DN^2.
-
     The standard takes off sigma^2 / (L M) from the variance of column means and sigma^2 / (L N) from that of row
     means, as for white noise. Here the variance of these means over the frames is measured, the frame's own mean
     taken out, and divided by L: right for any noise that is independent from frame to frame.
@@ -184,7 +181,6 @@ def tile(pattern: np.ndarray) -> np.ndarray | None:
 def structured(pattern: np.ndarray) -> tuple[float, float]:
     """Variance of the means of 8 x 8 blocks, rows, columns and a smooth surface taken out: its probability among white
     pixels, and what exceeds these as a share of the variance of the pixels.
-
     Light that is uneven (dust, a lens that falls off faster than by the square of the distance) makes blocks differ.
     """
     block = 8  # pixels, the side of the blocks over which structure is looked for

@@ -120,9 +120,7 @@ def _matched(histogram: np.ndarray, edges: np.ndarray, frames: int | None) -> fl
 
 def _shares(shape: float, edges: np.ndarray, frames: int | None) -> np.ndarray:
     """Shares of a Tukey-lambda law between edges in its standard deviations.
-
-    Args:
-        frames: number of frames whose mean was taken out of each; None for the law itself.
+    `frames`: number of frames whose mean was taken out of each; None for the law itself.
     """
     law = tukey.standard(round(float(shape), 5))
     if frames is None:

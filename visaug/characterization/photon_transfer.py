@@ -53,12 +53,9 @@ class PhotonTransferResult:
 def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTransferResult | None:
     """The photon transfer of a sweep of flats; None where no level clear of saturation has signal and temporal noise, or where
     the interval of the gain holds 0.
-
     Variance V against signal S follows K S (1 + c S): c is what the response, or charge that shares, bends.
-
-    Args:
-        dark_tells: whether mean and variance of the dark frames are those of the camera. Where they are cut
-            at 0 or rounded away, the flats alone tell the gain: V against the mean, its intercept free.
+    `dark_tells`: whether mean and variance of the dark frames are those of the camera. Where they are cut
+    at 0 or rounded away, the flats alone tell the gain: V against the mean, its intercept free.
     """
     if not (levels := tuple(levels)):
         return None
@@ -111,7 +108,6 @@ def _scatter(
     levels: Sequence[FlatLevel], basis: np.ndarray, inverse: np.ndarray, dark_tells: bool
 ) -> tuple[float, float, int]:
     """Relative deviation of the variances from their curve, how many times their noise that is, and its degrees of freedom.
-
     Zeros where noise explains it.
     """
     if (spare := len(levels) - basis.shape[1]) < 1:
@@ -164,7 +160,6 @@ def safe_levels(
 
 def below(level: FlatLevel, full: FlatLevel) -> bool:
     """Whether clipping leaves a level's variance alone, as far as a saturated level tells.
-
     Its pixels lie three standard deviations below the saturated mean: clipping there takes 0.3 % of a normal variance.
     """
     spread = math.sqrt(max(level.flat.variance, 0.0) + level.flat.spatial_variance)
@@ -174,7 +169,6 @@ def below(level: FlatLevel, full: FlatLevel) -> bool:
 
 def rounds_evenly(moments: GroupMoments) -> bool:
     """Whether the noise spreads over enough DN that rounding adds 1/12 DN^2 and no bias of the mean.
-
     For normal noise of s DN the variance is off by at most 4 (s^2 + 1/(4 pi^2)) exp(-2 pi^2 s^2), below 0.3 %
     from s = 0.6 on (W. F. Sheppard's corrections; B. Widrow, IRE Trans. Circuit Theory 3 (1956) 266).
     """
@@ -217,7 +211,6 @@ def emva_sensitivity(
 
 def emva_linearity(levels: Sequence[FlatLevel], saturation: int | None) -> dict[str, Interval] | None:
     """Release 3: least and largest relative deviation from a line fitted to relative deviations, 5 to 95 %.
-
     The extremes of noise are no deviations of the camera: the intervals are those of the extremes of a band that holds all levels'
     deviations at once.
     """
@@ -277,7 +270,6 @@ def converter_clips(level: FlatLevel) -> bool:
 
 def full_well(found: PhotonTransferResult, nonuniformity: float) -> tuple[float, float] | None:
     """Full well in electrons and its standard error, from the brightest level that charge clips; else None.
-
     The mean of a normal signal (shot noise and PRNU) clipped at F is known; F is where it meets the measured one.
     """
     if found.response is None:

@@ -36,7 +36,6 @@ def operating_points(
     progress: Callable[[str, int, int], None] | None = None,
 ) -> list[OperatingPoint]:
     """Characterize every operating point of a set by itself.
-
     Flats part by gain in dB, setting and filter; dark frames belong to the points of their gain and setting. Where
     the records name a Bayer mosaic, each of its four colours is a point, as the standard has it.
     """

@@ -33,7 +33,6 @@ def fit(
     frames: FrameSet, indices: Sequence[int], moments: GroupMoments, other_variance: float = 0.0
 ) -> ReadNoiseResult:
     """Fit residuals of two or more frames about their own mean map; nothing may clip.
-
     The residual of n frames is (1 - 1/n) times one draw less 1/n times the n - 1 others, so its law is known from that of one
     draw through the characteristic function: no approximation for small n. Each draw is Tukey-lambda noise, rounding (uniform
     over a DN) and a Gaussian of `other_variance` (dark current's shot noise, DN^2). Offsets of whole frames, rows or columns
@@ -73,7 +72,6 @@ def _histogram(
     frames: FrameSet, indices: Sequence[int], moments: GroupMoments
 ) -> tuple[float, np.ndarray, float]:
     """Bin width in DN, counts by block of rows and bin (the outermost take the rest), share of variance kept.
-
     Taking the mean of a row of W pixels out of each takes 1/W of the variance with it.
     """
     n, t = len(indices), moments.temporal
@@ -173,7 +171,6 @@ class PixelNoiseSpread:
 
 def pixel_noise(frames: FrameSet, still: GroupMoments) -> PixelNoiseSpread | None:
     """Of six or more frames without light, else None.
-
     Pixels of one law have variances that scatter by chance, the more so the heavier its tails, but those of two halves of the
     frames scatter independently. Their logarithms covary by what pixels differ in, 4 s^2 where s is the spread of log sigma.
     """

@@ -44,7 +44,6 @@ class Response:
 
 def response(levels: Sequence[FlatLevel], dark_tells: bool) -> Response | None:
     """Signal per photon at low light, and its standard error as an estimate of the camera's own.
-
     Parts of the error: pixels and rows (blocks of rows left out), columns (blocks of columns left out), and
     what the lamp does from frame to frame and from level to level.
     """

@@ -98,7 +98,6 @@ def fit_locations(
     sample: CodeHistograms, centre: np.ndarray, start: RoundedFit | None, free: tuple[int, ...]
 ) -> RoundedFit:
     """Maximum likelihood, the location of pixel p being N(centre_p + shift, spread); `free` parameters only.
-
     Without a start and with a fixed shape the noise is normal.
     """
     if start is None:
@@ -143,7 +142,6 @@ def fit_locations(
 
 class SigmaLikelihood:
     """Log-likelihood of normal noise finer than the converter's steps against its standard deviation.
-
     It may be flat down to no noise at all, and may have several maxima: it is mapped over a grid, with location and
     spread fitted at each standard deviation.
     """
@@ -179,7 +177,6 @@ class SigmaLikelihood:
 
     def bounds(self, fit: RoundedFit) -> tuple[float, float]:
         """95 % interval of the standard deviation, DN, by the likelihood ratio; from 0 where nothing bounds it.
-
         What pixels of a row or column have in common stretches the ratio (R. E. Chandler and S. Bate, Biometrika 94 (2007) 167).
         """
         least = min(self._at(fit.log_sigma)[0], float(self._losses.min()))
@@ -238,7 +235,6 @@ def _scores(p: np.ndarray, sample: CodeHistograms, centre: np.ndarray) -> np.nda
 
 def _sandwich(scores: np.ndarray, sample: CodeHistograms) -> np.ndarray:
     """Covariance from scores summed over blocks of rows and over columns.
-
     Pixels of a column share the error of its centre, which near the cut moves the spread at first order. Sums
     over rows and over columns, less what both count, hold either dependence (A. C. Cameron, J. B. Gelbach and
     D. L. Miller, J. Bus. Econ. Stat. 29 (2011) 238).

@@ -199,7 +199,6 @@ def add_in_electrons(found: Findings, name: str, interval_dn: tuple[float, ...],
 
 def describe(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The profile of rows or columns, (n,) in any unit, about its mean; frequencies, power at these, and its peaks.
-
     Peaks: frequencies (cycles per line) whose power no white normal pattern would show (1 % in all).
     """
     values, is_even = np.asarray(values, np.float64) - np.mean(values), len(values) % 2 == 0
@@ -219,7 +218,6 @@ def describe(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
 @lru_cache(maxsize=64)
 def _least_peak(m: int, rank: int) -> float:
     """Ratio to their `rank`th smallest that one of m exponential values exceeds in 1 % of all draws, or less.
-
     Above an order statistic M the values are independent M + Exp(1): the m - rank of them exceed c M in at most
     (m - rank) E[exp(-(c - 1) M)], and E[exp(-s M)] is a ratio of gamma functions (A. Renyi's representation).
     """

@@ -45,7 +45,6 @@ def _normal() -> Standard:
 
 def hold_both_gaussians(interval: Interval) -> Interval:
     """Interval of a shape that holds every shape that stands for a normal law, if it holds one of them.
-
     No Tukey-lambda law is normal; which is nearest depends on the criterion: 0.1345 by likelihood, 0.14 by the
     correlation of quantiles.
     """

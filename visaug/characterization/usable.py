@@ -68,7 +68,6 @@ def _lit(frames: FrameSet, found: Findings, resolution: tuple[int, ...]) -> Fram
 
 def _without_lines(frames: FrameSet, found: Findings) -> FrameSet:
     """Pixels of a constant row get the value of another row of the same column, a fixed one drawn for each pixel.
-
     A copy of one row would be a pair of rows that share their noise.
     """
     stuck = found.stuck

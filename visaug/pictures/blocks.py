@@ -33,7 +33,6 @@ _COARSEST = 2.5  # rounding step of JPEG over the standard deviation of noise
 
 def texture_share(which: np.ndarray = NOISE) -> float:
     """Power of texture at some coefficients over that at those that tell structure, where it falls as frequency squared.
-
     That is the mean law of natural scenes: D. J. Field, J. Opt. Soc. Am. A 4 (1987) 2379.
     """
     power = 1 / np.maximum(U**2 + V**2, 1)
@@ -98,7 +97,6 @@ class Rounding:
 
     def _calibrate(self, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What `variance` finds in Gaussian noise that the codec itself has compressed, and what was put in.
-
         Integer transforms and the rounding of whole pixels move it by some per cent.
         """
         from PIL import Image
@@ -126,7 +124,6 @@ class Rounding:
 
     def variance(self, sums: np.ndarray, counts: np.ndarray) -> float:
         """Variance of the noise before rounding, from sums of squares and their numbers: gamma quasi-likelihood.
-
         Steps of more than `_COARSEST` standard deviations round nearly all away and are left out.
         """
         mean = sums / np.maximum(counts, 1)
@@ -235,7 +232,6 @@ def noise_by_level(
     blocks: Blocks, rounding: Rounding, pictures: int, one_level: tuple[float, float] | None = None
 ) -> Levels:
     """Variance of pixels in flat blocks, level by level. Bins are 1 DN wide at black and grow by 6 % of the level.
-
     Blocks between the two levels of `one_level` are one bin: offsets tell them apart, not light. Where no neighbour is brighter
     there is no scene whose structure could pass for noise, so all blocks are used: a choice of quiet ones would lose the tails
     of noise that has heavy ones.

@@ -24,7 +24,6 @@ _ACROSS, _DOWN = INNER & (U + V > 4) & (V > U), INNER & (U + V > 4) & (U > V)
 @dataclass(frozen=True)
 class PictureStatistic:
     """A statistic: its view, name and unit, and how pictures (n, H, W) with their regions give its sums.
-
     `texture` is its error, per share of the noise, by texture that passed for noise; `content` its relative error by what edges the
     scene holds.
     """

@@ -192,7 +192,6 @@ class PicturePart:
 
     def _taken(self, camera: Camera, seed: int, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
         """The scenes (chosen, H, W) as the camera would have taken them, in 1/255 of full scale, and as its optics shades them.
-
         None for the second without optics.
         """
         s = self.scenes
@@ -221,7 +220,6 @@ class PicturePart:
         self, camera: Camera, light: Tensor, stream: Stream
     ) -> tuple[Tensor, np.ndarray | None]:
         """Light of which the camera's optics makes the scenes' levels, but for what is finer than shading, and the scenes behind.
-
         A picture shows its scene behind the lens; its noise goes by the levels that it has. Without optics: the light, None.
         """
         if not any(effect.stage == Stage.OPTICS for effect in camera.effects):

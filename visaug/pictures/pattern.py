@@ -180,7 +180,6 @@ APART = 2  # blocks on each side of one with which it may share content
 
 class _Lines:
     """Rows (axis 0) or columns (axis 1): coefficients of the other frequency 0.
-
     The noise of a line is common to all blocks along it, however far apart, and content to neighbours: a picture's variance is
     the mean product of blocks that are more than APART from each other. Slopes and bumps of the content, which reach farther,
     are taken off as the cubic that the coefficients 1 to 3 tell.

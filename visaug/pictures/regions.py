@@ -69,11 +69,9 @@ def find_regions(
     pictures: np.ndarray, saturated: float, rounding: Rounding, black: float | None = None
 ) -> Regions:
     """The regions of pictures (n, H, W) in 1/255 of full scale; H and W are multiples of 8.
-
-    Args:
-        saturated: level from which a pixel is saturated.
-        black: level of no light as the camera's file states it; None where it is not known. Pictures of one level are of the
-            sky only if it lies there.
+    `saturated`: level from which a pixel is saturated.
+    `black`: level of no light as the camera's file states it; None where it is not known. Pictures of one level are of the
+    sky only if it lies there.
     """
     parts = [blocks_of(p) for p in pictures]
     coefficients, level, usable = (np.stack(part) for part in zip(*parts, strict=True))
@@ -95,7 +93,6 @@ def find_regions(
 
 def _sky(coefficients: np.ndarray, level: np.ndarray) -> tuple[float | None, float]:
     """Level of the black sky and the spread of its blocks: the dark cluster of all blocks, where it is without structure.
-
     The cluster grows from the darkest fifth until no block lies within four of its own robust standard deviations.
     """
     flat = level.ravel()
@@ -118,7 +115,6 @@ def _sky(coefficients: np.ndarray, level: np.ndarray) -> tuple[float | None, flo
 
 def _level_at(level: np.ndarray, sky: float, spread: float) -> np.ndarray:
     """(R, C) level of the sky at each place: that at which several pictures agree there, should it lie beside the common one.
-
     Halves and columns of a sensor may differ by more than the noise; what recurs at a place is no dim part of a scene.
     """
     # of the pictures that show sky there

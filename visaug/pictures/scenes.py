@@ -136,7 +136,6 @@ def _stated_black(camera: Camera, transfer: str) -> float:
 
 def chosen_of(pictures: PictureSet, budget: int = 1_200_000) -> tuple[np.ndarray, tuple[int, int, int, int]]:
     """Pictures, evenly spaced, and the window in the middle of them that is looked at, whole blocks of the JPEG grid.
-
     `budget`: pixels of all of them together.
     """
     rows, columns = pictures.frames.shape(pictures.indices[0])
@@ -181,7 +180,6 @@ def smooth_scenes(pictures: np.ndarray, regions: Regions) -> np.ndarray:
 
 def unspilled(scenes: np.ndarray, saturated: float) -> np.ndarray:
     """Scenes (n, H, W) whose saturated areas are no longer along columns than along rows.
-
     Scenes have no preferred axis, so what is longer is charge that spilled, and not light. It is replaced by what lies as far along
     the rows from the middle of the light. The middle is where an area is widest; areas that a narrower trail joins have one each.
     """
@@ -236,9 +234,7 @@ def _expected(
     scenes: FrameSet, camera: Camera, transfer: str, saturated: float, warn: Callable[[str], object]
 ) -> np.ndarray:
     """(3, statistics): the symmetries' statistics of other pictures as the camera would take them, see `Scenes.expected`.
-
     As without other pictures where too few of them tell a statistic.
-
     With the camera's noise, so that the same regions pass for flat.
     """
     pictures = largest_group(scenes, warn)

@@ -27,7 +27,6 @@ def jackknife(
 
 def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
     """The black sky: the darkest level around which a tenth or more of all blocks lie, where it is flat and stands alone.
-
     None where levels go on above it as those of dark surfaces do, where others are darker, or where nothing is brighter: then it
     may be any level.
     Offsets of rows and columns spread the levels of its blocks. Those below its level hold no light and give the spread.
@@ -69,7 +68,6 @@ def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
 
 def is_rendered(blocks: Blocks, levels: Levels, rounding: Rounding) -> bool:
     """Whether there is rounding and no noise: at the flat levels, or in the smoothest tenth of the lit blocks.
-
     Of a camera even the smoothest lit blocks hold its noise. JPEG may round it away there, so its files are judged by levels: lit
     ones where there are any, for rounding hides the noise of a quiet camera's black sky.
     """

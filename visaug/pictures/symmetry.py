@@ -58,7 +58,6 @@ class Sums:
     @property
     def freedom(self) -> np.ndarray:
         """(statistics,) degrees of freedom of `variance`, at least 1 (Satterthwaite 1946).
-
         A sum of squares d^2 has at most the variance of the sum of d^4: few pictures with large weights tell an error badly.
         """
         fourth = (self.deviations**4).sum(0)

@@ -18,9 +18,7 @@ Content = Mapping[str, Any]
 
 def characterization_headline(content: Content, written: str | None) -> str | None:
     """What the frames show beyond the base chain, and where it was written; None where there is nothing.
-
-    Args:
-        written: the camera file that holds it.
+    `written`: the camera file that holds it.
     """
     if not content.get("effects"):
         return None

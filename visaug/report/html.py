@@ -37,7 +37,6 @@ class Text:
 @dataclass(frozen=True)
 class Table:
     """Rows of cells under a head; numbers are aligned right, rows in `strong` are set bold.
-
     `groups` stands above the head: labels, each with the number of columns that it spans.
     """
 

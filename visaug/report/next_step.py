@@ -92,10 +92,8 @@ def after_characterization(
     inputs: Inputs, of_pictures: bool = False, has_gain: bool = True, on_camera: bool = False
 ) -> NextStep:
     """After `visaug characterize`; pictures of an unknown camera cannot be compared with it.
-
-    Args:
-        has_gain: whether the gain is known, without which there is no camera file.
-        on_camera: whether a camera was given beside the frames.
+    `has_gain`: whether the gain is known, without which there is no camera file.
+    `on_camera`: whether a camera was given beside the frames.
     """
     if not has_gain:
         return NextStep("Next: list the frames that determine the gain, and take them.", "visaug plan")

@@ -43,9 +43,7 @@ class ViewGallery:
 
     def shown(self, name: str, worst: str = "") -> "tuple[ViewPlot, list[ViewPlot | None]] | None":
         """What a view shows of the measured frames and of each modelled set; None where these frames do not show it.
-
-        Args:
-            worst: the statistic that is to be seen, "NAME, FRAMES" as in `Place.worst`.
+        `worst`: the statistic that is to be seen, "NAME, FRAMES" as in `Place.worst`.
         """
         parts = [(v, data) for views, data in self.parts for v in views if v.name == name]
         here = [(v, d) for v, d in parts if worst and d[0].place and worst.endswith(d[0].place)]

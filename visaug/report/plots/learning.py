@@ -18,10 +18,8 @@ def plot_training(
     curves: Mapping[str, Sequence[Mapping[str, Sequence[float]]]], quantities: Mapping[str, str]
 ) -> "Figure":
     """Quantities against the epoch, one panel each, one colour for each arm and one line for each of its seeds.
-
-    Args:
-        curves: arm -> seeds -> quantity -> a value for each epoch, counted from 1.
-        quantities: quantity -> label of its axis.
+    `curves`: arm -> seeds -> quantity -> a value for each epoch, counted from 1.
+    `quantities`: quantity -> label of its axis.
     """
     with styled():
         figure = blank(8.0, 3.2)

@@ -187,9 +187,7 @@ def _plot_maps(measured: "ViewPlot", modelled: "ViewPlot | None", after: "ViewPl
 
 def plot_used(used: Mapping[str, Any]) -> "Figure":
     """The sensor with the windows in which temporal statistics were measured.
-
-    Args:
-        used: as `compare --json` and `diagnose --json` hold it; windows are rows and columns r0, r1, c0, c1.
+    `used`: as `compare --json` and `diagnose --json` hold it; windows are rows and columns r0, r1, c0, c1.
     """
     with styled():
         figure = blank(4.7, 3.8)
