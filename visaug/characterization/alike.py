@@ -90,11 +90,8 @@ def _clusters(
 
 def _rested(frames: FrameSet, groups: list[Group]) -> list[Group]:
     """Without dark frames that follow a lit one, where enough others are there."""
-    lit = {
-        i
-        for i in range(1, len(frames))
-        if frames.records[i].kind in ("dark", "bias") and frames.records[i - 1].kind in ("flat", "scene")
-    }
+    kinds, dark = [r.kind for r in frames.records], ("dark", "bias")
+    lit = {i for i in range(1, len(kinds)) if kinds[i] in dark and kinds[i - 1] in ("flat", "scene")}
     settings = {
         (g.gain_db, g.temperature_c) for g in groups if g.kind in ("dark", "bias") and set(g.indices) - lit
     }

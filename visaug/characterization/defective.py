@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import ndimage
 
-from visaug.characterization.facts import Facts
+from visaug.characterization.facts import PLACES, Facts
 from visaug.characterization.views import cropped, repaired, replaced
 from visaug.core.wording import counted, listed
 from visaug.frames import FrameSet, Group
@@ -209,12 +209,10 @@ def donors(bad: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """For each bad pixel, in order, the nearest sound one of the same phase of a 2 x 2 that is not itself."""
     place = np.indices(bad.shape)
     rows, columns = place[0], place[1]
-    for r in (0, 1):
-        for c in (0, 1):
-            part = bad[r::2, c::2]
-            if part.size and part.any() and not part.all():
-                near = ndimage.distance_transform_edt(part, return_distances=False, return_indices=True)
-                assert near is not None
-                rows[r::2, c::2], columns[r::2, c::2] = 2 * near[0] + r, 2 * near[1] + c
-    at = np.nonzero(bad)
-    return rows[at], columns[at]
+    for r, c in PLACES:
+        part = bad[r::2, c::2]
+        if part.size and part.any() and not part.all():
+            near = ndimage.distance_transform_edt(part, return_distances=False, return_indices=True)
+            assert near is not None
+            rows[r::2, c::2], columns[r::2, c::2] = 2 * near[0] + r, 2 * near[1] + c
+    return rows[bad], columns[bad]

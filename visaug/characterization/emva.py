@@ -155,8 +155,7 @@ def _saturation(found: Findings, levels: tuple[FlatLevel, ...], saturation: int 
     low, high = photons[max(saturation - 1, 0)], photons[min(saturation + 1, len(photons) - 1)]
     found.add("emva.saturation_photons", (value, low, high), "photons", _R3)
     e = efficiency[0]
-    interval = widen((value * e, low * e, high * e), efficiency[1] / e)
-    found.add("emva.saturation_e", interval, "e-", _R3)
+    found.add("emva.saturation_e", widen((value * e, low * e, high * e), efficiency[1] / e), "e-", _R3)
 
 
 def _without_dark_current(
@@ -304,8 +303,7 @@ def _stack(measured: Measured) -> FlatLevel | None:
     saturation = saturated_level(levels)
     half = 0.5 * levels[-1 if saturation is None else saturation].signal
     if saturation is not None:  # a stack of saturated flats shows no PRNU
-        clear = [v for v in levels[: saturation + 1] if v.flat.clipped_high <= SATURATED_SHARE]
-        levels = clear or levels
+        levels = [v for v in levels[: saturation + 1] if v.flat.clipped_high <= SATURATED_SHARE] or levels
     most = max(v.flat.n for v in levels)
     return min((v for v in levels if v.flat.n == most), key=lambda v: abs(v.signal - half))
 

@@ -8,6 +8,7 @@ to its own variance, which three frames tell: v_k follows from the squares of th
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import compress
 
 import numpy as np
 from scipy import stats
@@ -123,9 +124,13 @@ def dependence(residuals: np.ndarray, indices: tuple[int, ...]) -> Dependence:
     excess = max(square - len(basis), 0.0) / square if square else 0.0
     shared = np.einsum("k,kij->ij", sums, basis)  # what the frames share, as seen by the contrasts
     correlation = float(np.sqrt(excess * (shared**2).sum() / (n * (n - 1)))) / float(variances.mean())
-    return Dependence(
-        float(stats.chi2.sf(square, len(basis))), correlation, _follows(shared), _split(indices, shared)
-    )
+    # whether frames that follow each other share more than any others do
+    nearest, *others = (float(np.diagonal(shared, d).mean()) for d in range(1, n - 1))
+    in_sequence = nearest > 0 and nearest > 2 * max(others)
+    part = np.linalg.eigh(shared)[1][:, -1]  # of each frame in what they share most, whose sign splits them
+    first = part * part[0] > 0
+    parts = tuple(compress(indices, first)), tuple(compress(indices, ~first))
+    return Dependence(float(stats.chi2.sf(square, len(basis))), correlation, in_sequence, parts)
 
 
 def chosen(indices: tuple[int, ...]) -> tuple[int, ...]:
@@ -170,17 +175,3 @@ def _unevenness(residuals: np.ndarray) -> float:
     a, b = steps[0::2], steps[1::2]
     ratios = [float((p * q).mean() / (p.mean() * q.mean())) for p, q in zip(a, b)]
     return max(float(np.mean(ratios)), 1.0)
-
-
-def _follows(shared: np.ndarray) -> bool:
-    """Whether frames that follow each other share more than any others do."""
-    n = len(shared)
-    nearest, *others = (float(np.diagonal(shared, d).mean()) for d in range(1, n - 1))
-    return nearest > 0 and nearest > 2 * max(others)
-
-
-def _split(indices: tuple[int, ...], shared: np.ndarray) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """The frames by the sign of their part in what they share most."""
-    part = np.linalg.eigh(shared)[1][:, -1]
-    first = dict(zip(indices, part * part[0] > 0))
-    return tuple(i for i in indices if first[i]), tuple(i for i in indices if not first[i])

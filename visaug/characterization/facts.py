@@ -50,24 +50,19 @@ def look(frames: FrameSet) -> list[Facts]:
                 problem = f"frames differ in size: this one is {frame.shape[0]} x {frame.shape[1]}"
                 expected = f"{size[0]} x {size[1]} as {whose}, or a window in its record"
                 raise InputError(problem, file=record.file, expected=expected)
-        found.append(_facts(frame))
+        largest = float(frame.max())
+        whole = frame.astype(np.min_scalar_type(int(largest)))  # small numbers are quick
+        colours = [frame[r::2, c::2] for r, c in PLACES]
+        found.append(Facts(
+            mean=float(frame.mean(dtype=np.float64)),
+            noise=_noise(frame),
+            largest=largest,
+            at_largest=float(np.count_nonzero(frame == largest) / frame.size),
+            bits=int(np.bitwise_or.reduce(whole, axis=None)) if (whole == frame).all() else None,
+            # pyrefly: ignore[bad-argument-type]
+            phases=tuple(float(v.mean(dtype=np.float64)) if v.size else 0.0 for v in colours),
+        ))  # fmt: skip
     return found
-
-
-def _facts(frame: np.ndarray) -> Facts:
-    largest = float(frame.max())
-    whole = frame.astype(np.min_scalar_type(int(largest)))  # small numbers are quick
-    bits = int(np.bitwise_or.reduce(whole, axis=None)) if (whole == frame).all() else None
-    return Facts(
-        mean=float(frame.mean(dtype=np.float64)),
-        noise=_noise(frame),
-        largest=largest,
-        at_largest=float(np.count_nonzero(frame == largest) / frame.size),
-        bits=bits,
-        # pyrefly: ignore[bad-argument-type]
-        phases=tuple(float(frame[r::2, c::2].mean(dtype=np.float64)) if frame[r::2, c::2].size else 0.0
-                     for r, c in PLACES),
-    )  # fmt: skip
 
 
 def _noise(frame: np.ndarray) -> float:

@@ -218,8 +218,7 @@ def _peaks(frames: FrameSet, group: Group) -> _Peaks:
     for n, i in enumerate(group.indices[1:], start=1):
         frame = frames.read(i)
         frame = frame + (level - _levels(frame, by_rows)).astype(np.float32)
-        step = rank_values(frame, before, n, first, second, which, least, next_least)
-        steps.append(step / one.size)
+        steps.append(rank_values(frame, before, n, first, second, which, least, next_least) / one.size)
         before = frame
     # of normal noise, from the mean absolute difference
     noise = max(0.5 * math.sqrt(math.pi) * float(np.median(steps)), 0.5)

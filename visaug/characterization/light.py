@@ -98,18 +98,14 @@ def _causes(found: Findings, result: PhotonTransferResult, course: additivity.Va
     """What bends a photon transfer, by what the frames say of each cause."""
     shared = found.filtered or any(v.shared_variance for v in result.levels)
     line = result.response
+    bends = "the signal bends too" if line and line.bent else "not seen in the signal against photons"
     causes = {
         "charge sharing": "neighbours correlate" if shared else "ruled out, neighbours do not correlate",
-        "nonlinear response": "photons are not known"
-        if line is None
-        else "the signal bends too"
-        if line.bent
-        else "not seen in the signal against photons",
-        "another black level than that of the dark frames": "possible"
-        if course.undecided
-        else "fits worse than a bend",
+        "nonlinear response": bends if line else "photons are not known",
+        "another black level than that of the dark frames":
+            "possible" if course.undecided else "fits worse than a bend",
         "a lamp that changes": "taken out",
-    }
+    }  # fmt: skip
     return "; ".join(f"{cause}: {verdict}" for cause, verdict in causes.items())
 
 

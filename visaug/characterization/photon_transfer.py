@@ -67,7 +67,9 @@ def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTran
     noise = np.array([v.flat.variance + v.dark.variance for v in chosen])
     weights = 1 / np.maximum(noise, 1e-12)  # a variance is known to a share of itself
     pedestal = 0.0 if dark_tells else min(v.flat.mean for v in chosen)
-    powers = _powers(chosen, dark_tells)
+    signals = [v.signal for v in chosen]
+    bends = len(chosen) >= 4 and max(signals) >= 3 * min(signals)  # or a bend cannot be seen
+    powers = (0, 1) if not dark_tells else (1, 2) if bends else (1,)
 
     def curve(rows: np.ndarray) -> dict[str, float]:
         if dark_tells:
@@ -125,13 +127,6 @@ def _scatter(
 def _errors(inverse: np.ndarray, powers: tuple[int, ...], errors: Sequence[float]) -> dict[int, float]:
     """Standard error of each coefficient by those of the variances."""
     return {p: float(np.sqrt(((row * errors) ** 2).sum())) for p, row in zip(powers, inverse)}
-
-
-def _powers(levels: Sequence[FlatLevel], dark_tells: bool) -> tuple[int, ...]:
-    """Powers of the signal in the fit: as many as the levels carry."""
-    signals = [v.flat.mean if not dark_tells else v.signal for v in levels]
-    carries = len(levels) >= 4 and max(signals) >= 3 * min(signals)  # a bend can be seen
-    return (1, 2) if dark_tells and carries else (1,) if dark_tells else (0, 1)
 
 
 def saturated_level(levels: Sequence[FlatLevel]) -> int | None:

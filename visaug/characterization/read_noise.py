@@ -58,8 +58,7 @@ def fit(
     start = [math.log(spread), 0.05]
     simplex = [start, [start[0] + 0.05, 0.05], [start[0], -0.15]]
     options = {"initial_simplex": simplex, "xatol": 2e-5, "fatol": 1e-10}
-    best = optimize.minimize(loss, start, method="Nelder-Mead", options=options)
-    p = best.x
+    p = optimize.minimize(loss, start, method="Nelder-Mead", options=options).x
     errors = _sandwich(p, histogram, log_probabilities)
     model = np.exp(log_probabilities(p)) * counts.sum()
     sigma = math.exp(p[0]) / math.sqrt(kept)

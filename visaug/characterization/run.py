@@ -197,8 +197,7 @@ def _without_light(found: Findings, measured: Measured, seed: int) -> None:
         clipped_frames(found, measured, frames, seed)
         return
     signal = dark.dark_law(found, measured, frames)
-    pattern = still.dark_pattern(found, measured, frames)
-    still.black_level(found, frames, pattern, signal)
+    still.black_level(found, frames, still.dark_pattern(found, measured, frames), signal)
     if not coarse_steps:
         shot = 0.0 if found.gain is None else max(signal, 0.0) * found.gain.dn_per_e
         still.noise_of_reading(found, measured, frames, shot + (found.step_dn**2 - 1) / 12)
@@ -234,8 +233,10 @@ def _result(
         settings["bit_depth"] = camera.bit_depth
         for key in found.open.keys() & settings.keys():
             found.open[key] += "; taken from the camera given"
+    place = {key: n for n, key in enumerate(CAMERA_KEYS)}
+    names = sorted(found.parameters, key=lambda n: (n.startswith("emva"), place.get(n, len(place)), n))
     return without_impossible(Characterization(
-        parameters=dict(sorted(found.parameters.items(), key=_order)),
+        parameters={name: found.parameters[name] for name in names},
         not_determined=found.open,
         warning_details=tuple(Warned(t.split(":")[0], t, found.spoiled_by(t)) for t in found.warnings),
         curves=found.curves,
@@ -274,8 +275,3 @@ def _nonlinearity(found: Findings, settings: dict[str, float]) -> None:
     quadratic = found.bend_per_e * top_dn / found.gain.dn_per_e
     if abs(quadratic) <= 0.15:  # the most that the effect `nonlinearity` takes
         found.effects.append({"name": "nonlinearity", "quadratic": quadratic, "full_scale": "converter"})
-
-
-def _order(item) -> tuple[bool, int, str]:
-    name = item[0]
-    return name.startswith("emva"), CAMERA_KEYS.index(name) if name in CAMERA_KEYS else len(CAMERA_KEYS), name

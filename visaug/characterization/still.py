@@ -68,25 +68,23 @@ def black_level(found: Findings, still: GroupMoments, pattern: Parts, dark_signa
     found.add("black_level_dn", symmetric(still.mean - dark_signal_dn, error, df), "DN", source)
 
 
-def noise_of_reading(
-    found: Findings, measured: Measured, still: GroupMoments, dark_variance_dn2: float
-) -> None:
+def noise_of_reading(found: Findings, measured: Measured, still: GroupMoments, dark_dn2: float) -> None:
     """Read noise by maximum likelihood; in DN where the gain is unknown."""
-    fitted = read_noise.fit(measured.frames, still.group.indices, still, dark_variance_dn2)
+    fitted = read_noise.fit(measured.frames, still.group.indices, still, dark_dn2)
     source = f"maximum likelihood on residuals of {still.n} {still.group.kind} frames"
     sigma, low, high = symmetric(fitted.sigma_dn, fitted.sigma_error, fitted.df)
     interval = (sigma, max(low, 0.0), high)
     shape = symmetric(fitted.shape, fitted.shape_error, fitted.df)
     found.add("read_noise.shape", tukey.hold_both_gaussians(shape), "1", source)
     if (own := pixel_noise(measured.frames, still)) is not None:
-        interval = _own_noise(found, still, own, interval, dark_variance_dn2)
+        interval = _own_noise(found, still, own, interval, dark_dn2)
     add_in_electrons(found, "read_noise.sigma", interval, source)
     curve = {"residual_dn": fitted.centres_dn, "counts": fitted.counts, "model": fitted.model}
     found.curves["read_noise"] = curve
 
 
 def _own_noise(
-    found: Findings, still: GroupMoments, own: PixelNoiseSpread, interval: Interval, dark_variance_dn2: float
+    found: Findings, still: GroupMoments, own: PixelNoiseSpread, interval: Interval, dark_dn2: float
 ) -> Interval:
     """Read noise by pixel; returns the interval of its root mean square in DN."""
     source = f"covariance of the pixels' variances between halves of {still.n} {still.group.kind} frames"
@@ -108,7 +106,7 @@ def _own_noise(
             return {"v": float((still.row_variances * rows).sum() / rows.sum()) - still.frame_variance}
 
         value, error, df = jackknife(variance, still.shape[0])["v"]
-        interval = root([max(v - 1 / 12 - dark_variance_dn2, 0.0) for v in symmetric(value, error, df)])
+        interval = root([max(v - 1 / 12 - dark_dn2, 0.0) for v in symmetric(value, error, df)])
         rms = interval[0]
     if rms > 0:
         scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e

@@ -116,8 +116,7 @@ class Rounding:
     def sums(self, coefficients: np.ndarray, which: np.ndarray = NOISE) -> np.ndarray:
         """Sums of squares of each block's coefficients by kind, (n, kinds)."""
         squares = coefficients[:, which] ** 2
-        kind = self.of[which]
-        return np.stack([squares[:, kind == k].sum(1) for k in range(len(self.kinds))], 1)
+        return np.stack([squares[:, self.of[which] == k].sum(1) for k in range(len(self.kinds))], 1)
 
     def counts(self, which: np.ndarray = NOISE) -> np.ndarray:
         return np.array([np.count_nonzero(self.of[which] == k) for k in range(len(self.kinds))])

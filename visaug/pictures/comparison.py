@@ -249,8 +249,7 @@ def _lines(
 
 def _places(found: list[StatisticDifference]) -> Places:
     """Views with a difference beyond chance, with their share of the sum of squares."""
-    limit = SIGNIFICANT / len(found)
-    excess = {d: max(d.z**2 - 1, 0.0) for d in found if d.p_value < limit}
+    excess = {d: max(d.z**2 - 1, 0.0) for d in found if d.p_value < SIGNIFICANT / len(found)}
     total = sum(excess.values())
     places = []
     for view in dict.fromkeys(d.view for d in excess):

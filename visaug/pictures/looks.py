@@ -22,7 +22,7 @@ _ACROSS, _DOWN = INNER & (U + V > 4) & (V > U), INNER & (U + V > 4) & (U > V)
 
 
 @dataclass(frozen=True)
-class PictureStatistic:
+class Look:
     """A statistic: its view, name and unit, and how pictures (n, H, W) with their regions give its sums.
     `texture` is its error, per share of the noise, by texture that passed for noise; `content` its relative error by what edges the
     scene holds.
@@ -36,9 +36,7 @@ class PictureStatistic:
     content: float = 0.0
 
 
-def measured(
-    pictures: np.ndarray, regions: Regions
-) -> Iterator[tuple[PictureStatistic, float, float, float]]:
+def measured(pictures: np.ndarray, regions: Regions) -> Iterator[tuple[Look, float, float, float]]:
     """Each statistic that enough pictures tell: value, standard error, and degrees of freedom of the error."""
     texture = _texture(pictures, regions)
     for look in LOOKS:
@@ -86,8 +84,7 @@ def _noise_ratio(above: np.ndarray, below: np.ndarray):
     def sums(pictures: np.ndarray, regions: Regions) -> tuple[np.ndarray, np.ndarray]:
         power = np.zeros((2, len(pictures)))
         for n, picture in enumerate(pictures):
-            flat = (regions.lit[n] >= 0) | regions.dark[n]
-            coefficients = blocks_of(picture)[0][flat]
+            coefficients = blocks_of(picture)[0][(regions.lit[n] >= 0) | regions.dark[n]]
             power[:, n] = [(coefficients[:, which] ** 2).mean(1).sum() for which in (above, below)]
         return power[0], power[1]
 
@@ -179,26 +176,19 @@ def _areas(pictures: np.ndarray, _: Regions) -> tuple[np.ndarray, np.ndarray]:
 
 
 LOOKS = (
-    PictureStatistic("black_level", "level of the black sky", "DN", _black),
-    PictureStatistic("saturation", "code at which pixels saturate", "DN", _saturation),
-    PictureStatistic(
+    Look("black_level", "level of the black sky", "DN", _black),
+    Look("saturation", "code at which pixels saturate", "DN", _saturation),
+    Look(
         "noise_spectrum",
         "fine noise over coarse noise",
         "1",
         _noise_ratio(_FINE, _COARSE),
         texture_share(_COARSE),
     ),
-    PictureStatistic(
-        "noise_spectrum", "noise along rows over noise along columns", "1", _noise_ratio(_ACROSS, _DOWN)
-    ),
-    PictureStatistic("blocking", "steps at the borders of 8 x 8 blocks over steps within", "1", _blocking),
-    PictureStatistic(
-        "edges", "slope of the sharpest edges over their height", "1/px", _sharpness, content=TILTED
-    ),
-    *(
-        PictureStatistic("halo", f"light scattered over {width} px", "share", _halo(width))
-        for width in (4, 12)
-    ),
-    PictureStatistic("streaks", "light along columns less along rows", "share", _streak),
-    PictureStatistic("streaks", "saturated areas along columns less along rows", "share", _areas),
+    Look("noise_spectrum", "noise along rows over noise along columns", "1", _noise_ratio(_ACROSS, _DOWN)),
+    Look("blocking", "steps at the borders of 8 x 8 blocks over steps within", "1", _blocking),
+    Look("edges", "slope of the sharpest edges over their height", "1/px", _sharpness, content=TILTED),
+    *(Look("halo", f"light scattered over {width} px", "share", _halo(width)) for width in (4, 12)),
+    Look("streaks", "light along columns less along rows", "share", _streak),
+    Look("streaks", "saturated areas along columns less along rows", "share", _areas),
 )

@@ -275,5 +275,4 @@ def picture_part(
     """
     own, taken, used = scenes_of(frames, camera, transfer, scenes, warn)
     dn = (2**camera.bit_depth - 1) / 255
-    part = PicturePart(own, taken, used.size, dn, camera.spec.exposure_s)
-    return part.compared_with(camera), used
+    return PicturePart(own, taken, used.size, dn, camera.spec.exposure_s).compared_with(camera), used

@@ -86,8 +86,7 @@ def add_processing(
         found.effects.append({"name": "jpeg", "quality": round(quality[0]), "chroma": "full"})
         return
     commonest = int(np.argmax(levels.blocks.sum(0)))
-    here = np.abs(blocks.level - levels.level[commonest]) < 1
-    coefficients = blocks.coefficients[here]
+    coefficients = blocks.coefficients[np.abs(blocks.level - levels.level[commonest]) < 1]
     coefficients = coefficients[is_flat(coefficients, levels.variance[commonest], rounding)]
     fine, coarse = (np.median(coefficients[:, NOISE & which] ** 2) for which in (U + V > 9, U + V < 8))
     if coarse <= 0:

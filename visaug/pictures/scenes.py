@@ -196,8 +196,7 @@ def unspilled(scenes: np.ndarray, saturated: float) -> np.ndarray:
             rows = np.clip(row + x, 0, picture.shape[0] - 1)
             columns = np.clip(column + y, 0, picture.shape[1] - 1)
             longer = np.abs(y) > np.abs(x)
-            to = (row + y)[longer], (column + x)[longer]
-            scene[to] = picture[rows[longer], columns[longer]]
+            scene[(row + y)[longer], (column + x)[longer]] = picture[rows[longer], columns[longer]]
     return found
 
 
@@ -241,8 +240,7 @@ def _expected(
     chosen, window = chosen_of(pictures)
     clean = read_windows(pictures, chosen, window)
     dark = find_regions(clean, saturated, Rounding(pictures.steps, pictures.is_jpeg)).sky or 0.0
-    light = _light(clean, dark, 256.0, transfer)
-    taken, black = _taken(light, camera, transfer)
+    taken, black = _taken(_light(clean, dark, 256.0, transfer), camera, transfer)
     regions = find_regions(taken, saturated, Rounding(np.ones((SIDE, SIDE)), False))
     shape = pictures.frames.shape(pictures.indices[0])
     level = regions.sky if regions.sky is not None else black

@@ -12,14 +12,12 @@ from visaug.pictures.files import PictureSet
 _ONLY_ROUNDING_DN2 = 0.12  # a code's rounding alone gives 1/12
 
 
-def jackknife(
-    figures: Callable[[np.ndarray], np.ndarray], pictures: int
-) -> tuple[np.ndarray, np.ndarray, int]:
-    """Value, standard error and degrees of freedom of figures of weighted pictures, by leaving out groups of them."""
-    value = figures(np.ones(pictures))
-    if (groups := min(pictures, 12)) < 2:
+def jackknife(figures: Callable[[np.ndarray], np.ndarray], count: int) -> tuple[np.ndarray, np.ndarray, int]:
+    """Value, standard error and degrees of freedom of figures of `count` weighted pictures, by leaving out groups of them."""
+    value = figures(np.ones(count))
+    if (groups := min(count, 12)) < 2:
         return value, np.full(len(value), np.nan), 1
-    member = np.arange(pictures) % groups
+    member = np.arange(count) % groups
     left = np.array([figures((member != g).astype(float)) for g in range(groups)])
     spread = np.sqrt((groups - 1) * np.mean((left - left.mean(0)) ** 2, 0))
     return value, spread, groups - 1
@@ -62,8 +60,7 @@ def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
     # they do not average out over the pictures.
     columns = math.sqrt(np.count_nonzero(near) / len(seen))
     error = math.hypot(float(np.std(means)) / math.sqrt(len(means)), spread / math.sqrt(columns))
-    level = float(np.median(means))
-    return Sky(level, float(max(error, 0.01)), spread)
+    return Sky(float(np.median(means)), float(max(error, 0.01)), spread)
 
 
 def is_rendered(blocks: Blocks, levels: Levels, rounding: Rounding) -> bool:
@@ -73,10 +70,9 @@ def is_rendered(blocks: Blocks, levels: Levels, rounding: Rounding) -> bool:
     """
     lit_dn = 30.0
     lit = blocks.coefficients[blocks.level > lit_dn]
-    if len(lit) >= 10 and not rounding.is_jpeg:
-        fine = (lit[:, NOISE] ** 2).mean(1)
-        if np.quantile(fine, 0.1) < _ONLY_ROUNDING_DN2:
-            return True
+    fine = np.quantile((lit[:, NOISE] ** 2).mean(1), 0.1) if len(lit) >= 10 else np.inf
+    if fine < _ONLY_ROUNDING_DN2 and not rounding.is_jpeg:
+        return True
     weight = levels.blocks.sum(0)
     if weight[levels.level > lit_dn].any():
         weight = np.where(levels.level > lit_dn, weight, 0)

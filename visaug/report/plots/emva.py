@@ -73,8 +73,7 @@ def snr(result: Characterization) -> Figure:
     if (top := int(c["saturation"][0])) >= 0:  # beyond it the noise is clipped
         seen &= photons <= photons[top]
     efficiency = result["emva.quantum_efficiency"].value
-    gain = result["emva.system_gain_dn_per_e"].value
-    floor = (result["emva.dark_noise_dn"].value / gain) ** 2
+    floor = (result["emva.dark_noise_dn"].value / result["emva.system_gain_dn_per_e"].value) ** 2
     highest = result.parameters.get("emva.saturation_photons")
     most = highest.value if highest else float(photons[seen].max())
     line = np.geomspace(max(photons[seen].min() / 10, 0.5), most, 200)

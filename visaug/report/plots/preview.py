@@ -41,8 +41,7 @@ def plot_preview(title: str, given: "np.ndarray", samples: Sequence[NoiseSample]
 
         for line, text in enumerate(title.splitlines()):
             write(gap, 20 + 17 * line, plain(text), 9.5)
-        tiles = [NoiseSample("as given", given, ()), *samples]
-        for number, one in enumerate(tiles):
+        for number, one in enumerate([NoiseSample("as given", given, ()), *samples]):
             left = gap + number % columns * (cell + gap)
             top = head_of_all + number // columns * tile + head
             write(left, top - 22, plain(one.name), 9)

@@ -161,8 +161,7 @@ def _plot_maps(measured: "ViewPlot", modelled: "ViewPlot | None", after: "ViewPl
     height, breadth = measured.maps[0][1].shape
     with styled():
         figure = blank(cell * len(shown) + 0.4, rows * (cell * height / breadth + 0.4))
-        grid = figure.subplots(rows, len(shown), squeeze=False)
-        for row, line in enumerate(grid):
+        for row, line in enumerate(figure.subplots(rows, len(shown), squeeze=False)):
             images = [maps[row].ravel() for _, maps in shown[:2]]
             low, high = np.percentile(np.concatenate(images), [1, 99])
             half = (high - low) / 2 or 0.5
