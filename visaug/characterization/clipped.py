@@ -6,19 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import optimize
 
-from visaug.characterization import dark_current, tukey
+from visaug.characterization import dark_current, rounded, tukey
 from visaug.characterization.dark import found_law
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments
 from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly
-from visaug.characterization.rounded import (
-    BLOCKS,
-    CodeHistograms,
-    RoundedFit,
-    SigmaLikelihood,
-    fit_locations,
-    take_sample,
-)
+from visaug.characterization.rounded import BLOCKS, CodeHistograms, RoundedFit, SigmaLikelihood
 from visaug.characterization.still import CLIPPED, add_in_electrons, add_profiles, master_bias
 from visaug.core.intervals import Interval, mean_error, root, symmetric, t_quantile, variance_combination
 from visaug.statistics.findings import Findings
@@ -59,7 +52,7 @@ def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, see
     master = master_bias(found, measured, still)
     add_profiles(found, master)
     coarse = not rounds_evenly(still)
-    sample = take_sample(measured.frames, still.group.indices, still, seed, coarse)
+    sample = rounded.take_sample(measured.frames, still.group.indices, still, seed, coarse)
     master = master - sample.origin
     profile = SigmaLikelihood(sample) if coarse else None
     solution = _of_coarse(sample, master, profile) if profile else _of_fine(sample, master)
@@ -83,13 +76,13 @@ def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, see
 def _of_fine(sample: CodeHistograms, master: np.ndarray) -> _Solution:
     """Noise of several DN: its tails are seen, and rows and columns are located one by one."""
     free = 0, 1, 2, 3
-    fit = fit_locations(sample, np.zeros(len(sample.rows)), None, free)
+    fit = rounded.fit_locations(sample, np.zeros(len(sample.rows)), None, free)
     rows, columns = (LineLocations(np.zeros(n), 0.0) for n in master.shape)
     pixel_variance = None
     for _ in range(2):
         rows, columns, pixel_variance = lines(master, fit, rows, columns, pixel_variance)
         centre = columns.places[sample.columns] + rows.places[sample.rows] - rows.places.mean()
-        fit = fit_locations(sample, centre, fit, free)
+        fit = rounded.fit_locations(sample, centre, fit, free)
         # Measured rows and columns hold their share of the pixels' own pattern.
         pixel_variance = fit.spread**2 / (1 - 1 / master.shape[0] - 1 / master.shape[1])
     return _Solution(fit, *lines(master, fit, rows, columns, pixel_variance))
@@ -97,7 +90,7 @@ def _of_fine(sample: CodeHistograms, master: np.ndarray) -> _Solution:
 
 def _of_coarse(sample: CodeHistograms, master: np.ndarray, profile: SigmaLikelihood) -> _Solution:
     """Normal noise of less than a DN: the spread of the fit is that of rows, columns and pixels together."""
-    fit = fit_locations(sample, np.zeros(len(sample.rows)), profile.start(), (0, 2, 3))
+    fit = rounded.fit_locations(sample, np.zeros(len(sample.rows)), profile.start(), (0, 2, 3))
     rows, columns = (LineLocations(np.zeros(n), 0.0) for n in master.shape)
     return _Solution(fit, *lines(master, fit, rows, columns, None))
 

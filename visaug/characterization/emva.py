@@ -10,21 +10,13 @@ from collections.abc import Callable
 import numpy as np
 from scipy import stats
 
-from visaug.characterization import emva_curves
+from visaug.characterization import emva_curves, photon_transfer
 from visaug.characterization.alike import SAME_C, degrees_apart
 from visaug.characterization.dark_current import mean_points, slopes, variance_points
 from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.light import NEEDS_FLATS, NEEDS_GAIN, NEEDS_PHOTONS
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import PARTS, corrected_split, not_white, parts, release_4
-from visaug.characterization.photon_transfer import (
-    emva_linearity,
-    emva_sensitivity,
-    last_fitted,
-    linearity_curve,
-    saturated_level,
-    tells_gain,
-)
 from visaug.characterization.response import errors_of_light
 from visaug.core.intervals import Interval, jackknife, mean_error, root, symmetric, widen
 from visaug.frames.checks import SATURATED_SHARE
@@ -83,29 +75,30 @@ def _figures(found: Findings, measured: Measured) -> None:
     if not levels or levels[-1].signal <= 0:
         _dark_noise(found, measured, darks, None, 0.0)
         return
-    saturation = saturated_level(levels)
-    sensitivity = emva_sensitivity(levels, saturation)
+    saturation = photon_transfer.saturated_level(levels)
+    sensitivity = photon_transfer.emva_sensitivity(levels, saturation)
     system_gain = symmetric(*sensitivity["gain"])
-    if not (tells_gain(levels, saturation) and system_gain[1] > 0):
+    if not (photon_transfer.tells_gain(levels, saturation) and system_gain[1] > 0):
         _dark_noise(found, measured, darks, None, 0.0)
         derived(found, None)
         for key in _NEEDS:
             found.miss(key, NEEDS_GAIN)
         return
-    found.curves.update(emva_curves.sweep_curves(levels, saturation, last_fitted(levels, saturation), darks))
+    last = photon_transfer.last_fitted(levels, saturation)
+    found.curves.update(emva_curves.sweep_curves(levels, saturation, last, darks))
     gain, gain_error, _ = sensitivity["gain"]
     relative = gain_error / gain
     found.add("emva.system_gain_dn_per_e", system_gain, "DN/e-", _R3)
     if "efficiency" in sensitivity:
-        light = errors_of_light(levels[: last_fitted(levels, saturation) + 1])
+        light = errors_of_light(levels[: last + 1])
         for name in ("response", "efficiency"):
             value, error, df = sensitivity[name]
             parts = [(error**2, df), *((share * value**2, its) for share, its in light)]
             sensitivity[name] = value, *mean_error(parts)
         found.add("emva.quantum_efficiency", symmetric(*sensitivity["efficiency"]), "e-/photon", _R3)
         _saturation(found, levels, saturation, sensitivity["efficiency"])
-        if (linearity := emva_linearity(levels, saturation)) is not None:
-            found.curves["emva4_linearity"] = linearity_curve(levels, saturation)
+        if (linearity := photon_transfer.emva_linearity(levels, saturation)) is not None:
+            found.curves["emva4_linearity"] = photon_transfer.linearity_curve(levels, saturation)
         for name in ("min", "max"):
             key = f"emva.linearity_error_{name}"
             if linearity is None:
@@ -300,7 +293,7 @@ def _stack(measured: Measured) -> FlatLevel | None:
     levels = [v for v in measured.levels if v.flat.n > 1 and v.dark.n > 1 and v.signal > 0]
     if not levels:
         return None
-    saturation = saturated_level(levels)
+    saturation = photon_transfer.saturated_level(levels)
     half = 0.5 * levels[-1 if saturation is None else saturation].signal
     if saturation is not None:  # a stack of saturated flats shows no PRNU
         levels = [v for v in levels[: saturation + 1] if v.flat.clipped_high <= SATURATED_SHARE] or levels

@@ -4,19 +4,13 @@ import math
 
 import numpy as np
 
-from visaug.characterization import additivity
+from visaug.characterization import additivity, photon_transfer
 from visaug.characterization.dark_current import weighted_line
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments, largest_place, mean_map
 from visaug.characterization.mosaic import Mosaic
 from visaug.characterization.nonuniformity import PARTS, Parts, check_structure, parts, surface, tile
-from visaug.characterization.photon_transfer import (
-    PhotonTransferResult,
-    converter_clips,
-    full_well,
-    relative_deviations,
-    transfer,
-)
+from visaug.characterization.photon_transfer import PhotonTransferResult
 from visaug.core.intervals import mean_error, root, symmetric, t_quantile
 from visaug.statistics.findings import Findings, MeasuredGain
 
@@ -38,7 +32,7 @@ _FROM_PHOTONS = (
 
 def gain_and_efficiency(found: Findings, measured: Measured, dark_tells: bool) -> PhotonTransferResult | None:
     """Photon transfer at the base gain."""
-    if (result := transfer(measured.sweep, dark_tells)) is None:
+    if (result := photon_transfer.transfer(measured.sweep, dark_tells)) is None:
         needs = NEEDS_GAIN if measured.sweep else NEEDS_FLATS
         found.miss("gain_e_per_dn", needs if dark_tells else NEEDS_CLEAR_FLATS)
         found.miss("quantum_efficiency", NEEDS_PHOTONS)
@@ -175,7 +169,7 @@ def _transfer_curves(found: Findings, result: PhotonTransferResult) -> None:
         found.curves["linearity"] = {
             "photons": np.array([v.photons for v in chosen], float),
             "signal_dn": np.array([v.signal for v in chosen]),
-            "deviation": relative_deviations(chosen, np.ones(chosen[0].flat.shape[0])),
+            "deviation": photon_transfer.relative_deviations(chosen, np.ones(chosen[0].flat.shape[0])),
         }
 
 
@@ -256,9 +250,9 @@ def colour_efficiency(found: Findings, mosaic: Mosaic) -> None:
 def capacity(found: Findings, result: PhotonTransferResult, pattern: Parts | None) -> None:
     """Full well from levels that charge clips."""
     spread = math.sqrt(max(pattern.total[0], 0.0)) if pattern else 0.0
-    if (well := full_well(result, spread)) is None:
+    if (well := photon_transfer.full_well(result, spread)) is None:
         lower_gain = "a lower gain: at this gain the converter clips before the full well"
-        clips = converter_clips(result.levels[-1])
+        clips = photon_transfer.converter_clips(result.levels[-1])
         found.miss("full_well_e", lower_gain if clips else "calibrated flats beyond saturation")
         return
     found.add(
@@ -270,7 +264,7 @@ def gain_law(found: Findings, measured: Measured, result: PhotonTransferResult) 
     """How the gain follows its setting: slope of measured over nominal decibels, 1 where it does exactly."""
     points = [(measured.gain_db, result.gain_dn_per_e, result.gain_error)]
     for gain_db, levels in measured.other_gains.items():
-        other = transfer([v for v in levels if v.flat.n > 1 and v.dark.n > 1])
+        other = photon_transfer.transfer([v for v in levels if v.flat.n > 1 and v.dark.n > 1])
         if other is not None:
             points.append((gain_db, other.gain_dn_per_e, other.gain_error))
     if len(points) < 2:

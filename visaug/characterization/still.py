@@ -13,15 +13,7 @@ from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import PARTS, Parts, parts
 from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly, saturated_level
 from visaug.characterization.read_noise import PixelNoiseSpread, pixel_noise, shrunk
-from visaug.core.intervals import (
-    Interval,
-    jackknife,
-    mean_error,
-    root,
-    symmetric,
-    variance_combination,
-    widen,
-)
+from visaug.core.intervals import jackknife, mean_error, root, symmetric, variance_combination, widen
 from visaug.statistics.findings import Findings
 
 CLIPPED = 0.002  # share of pixels at 0 above which moments of bias frames are cut
@@ -84,8 +76,8 @@ def noise_of_reading(found: Findings, measured: Measured, still: GroupMoments, d
 
 
 def _own_noise(
-    found: Findings, still: GroupMoments, own: PixelNoiseSpread, interval: Interval, dark_dn2: float
-) -> Interval:
+    found: Findings, still: GroupMoments, own: PixelNoiseSpread, interval: tuple[float, ...], dark_dn2: float
+) -> tuple[float, ...]:
     """Read noise by pixel; returns the interval of its root mean square in DN."""
     source = f"covariance of the pixels' variances between halves of {still.n} {still.group.kind} frames"
     square, error = own.variance  # the upper limit of a negative one is that of 0

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from visaug.report.headline import characterization_headline, entry_text
-from visaug.report.html import Block, Page, Section, Table, Text, figure, footer, write_page
+from visaug.report.html import Block, Page, Section, Table, Text, figure, footer, next_text, write_page
 from visaug.report.next_step import Inputs, after_characterization
-from visaug.report.pages import described, next_text, unit_text
+from visaug.report.pages import described, unit_text
 
 if TYPE_CHECKING:
     from visaug.camera import Camera

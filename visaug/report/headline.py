@@ -68,6 +68,15 @@ def where_rows(where: list[dict[str, Any]]) -> list[list[str]]:
     ]
 
 
+def where_captions(where: list[dict[str, Any]]) -> dict[str, str]:
+    """The worst statistic of each view as a caption."""
+    return {
+        w["view"]: f"{share_text(w['share'])} of the misfit; {statistic_text(w['worst'])}: "
+        f"{deviation_text(w['z'])} standard deviations from the model."
+        for w in reversed(where)
+    }
+
+
 def comparison_headline(content: Content) -> str:
     """Whether the camera file explains the frames and, if not, where they differ most."""
     fits = content["fits"]
@@ -111,8 +120,7 @@ def diagnosis_details(content: Content) -> list[str]:
     error, fits = content["error"], content["fits"]
     lines = [f"Mistake in the camera file: {m['text']}" for m in content.get("camera_file", ())]
     if error["before"] is not None and content["accepted"]:
-        low, high = error["interval_after"] or (None, None)
-        after = with_interval(error["after"], low, high)
+        after = with_interval(error["after"], *(error["interval_after"] or (None, None)))
         lines.append(
             f"Error on hold-out frames: {error['before']:.2g} with the camera file, {after} "
             "with the added effects. 0 is as good as a second camera of the same type."
@@ -136,6 +144,23 @@ def diagnosis_details(content: Content) -> list[str]:
     if (part := (content["unexplained"] or {}).get("component")) is not None:
         lines.append(_component(part))
     return lines
+
+
+def diagnosis_facts(content: Content) -> list[tuple[str, str]]:
+    """The effects, their strengths, and the error in a few facts: value, and what it is."""
+    error = content["error"]
+    known = {entry["effect"]: entry for entry in content["ranking"]}
+    facts = [(", ".join(content["accepted"]) or "nothing", "missing effect")]
+    for name in content["accepted"][:2]:
+        entry = known.get(name, {})
+        for key, e in list((entry.get("parameters") or {}).items())[:1]:
+            facts.append((entry_text(e), f"{name}: {key}, 95 % interval"))
+        if entry.get("probability") is not None:
+            facts.append((probability_text(entry["probability"]), f"probability of {name} {AMONG}"))
+    if error["before"] is not None:
+        after = with_interval(error["after"], *(error["interval_after"] or (None, None)))
+        facts.append((f"{error['before']:.2g} → {after}", "error before and after"))
+    return facts
 
 
 def _component(part: Content) -> str:
@@ -169,7 +194,7 @@ COUNTED = (
     "right"
 )  # a sentence of docs/results.md
 PROBABILITY = (
-    "Probability: posterior probability among the effects that were tried and a cause outside the catalogue, which is judged by "
+    f"Probability: posterior probability {AMONG}, which is judged by "
     f"what the accepted effects leave. Counted: {COUNTED} (docs/results.md). "
     "p-value: probability that a complete camera shows a difference at least as large."
 )

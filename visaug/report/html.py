@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from visaug.camera import Camera
     from visaug.frames import FrameSet
+    from visaug.report.next_step import NextStep
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,10 @@ class Page:
 def render(page: Page) -> str:
     """The page as HTML. It refers to nothing outside itself."""
     return template("page.html").render(page=page)
+
+
+def next_text(step: "NextStep") -> Text:
+    return Text(step.text, command=step.command)
 
 
 def write_page(path: str | Path, page: Page) -> Path:

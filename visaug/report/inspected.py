@@ -5,9 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from visaug.core.wording import counted, number, with_interval
-from visaug.report.html import Block, Page, Section, Table, Text, figure, footer, write_page
+from visaug.report.html import Block, Page, Section, Table, Text, figure, footer, next_text, write_page
 from visaug.report.next_step import NextStep
-from visaug.report.pages import next_text
 from visaug.report.plots.inspected import plot_finding
 
 if TYPE_CHECKING:
