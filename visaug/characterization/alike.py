@@ -92,9 +92,8 @@ def _rested(frames: FrameSet, groups: list[Group]) -> list[Group]:
     """Without dark frames that follow a lit one, where enough others are there."""
     kinds, dark = [r.kind for r in frames.records], ("dark", "bias")
     lit = {i for i in range(1, len(kinds)) if kinds[i] in dark and kinds[i - 1] in ("flat", "scene")}
-    settings = {
-        (g.gain_db, g.temperature_c) for g in groups if g.kind in ("dark", "bias") and set(g.indices) - lit
-    }
+    others = [g for g in groups if g.kind in dark and set(g.indices) - lit]
+    settings = {(g.gain_db, g.temperature_c) for g in others}
     kept = []
     for group in groups:
         rested = tuple(i for i in group.indices if i not in lit)

@@ -149,9 +149,8 @@ def _black_level(
     interval = symmetric(origin + float(solution.columns.places.mean()), error, df)
     found.add("black_level_dn", interval, "DN", source)
     if interval[2] < 0:
-        found.warn(
-            "black_level_below_zero: the black level is below 0 DN; a camera file cannot hold it and has 0"
-        )
+        said = "black_level_below_zero: the black level is below 0 DN; a camera file cannot hold it and has 0"
+        found.warn(said)
 
 
 def _coarse(
@@ -256,9 +255,8 @@ def cut_mean(fit: RoundedFit, within: float, electrons: float = 0.0, dn_per_e: f
     step = law.x[1] - law.x[0]
     t = 2 * np.pi * np.fft.rfftfreq(law.x.size, d=step)
     jump = 1j * t * dn_per_e / fit.sigma
-    spectrum = law.phi(t) * np.exp(
-        -0.5 * within / fit.sigma**2 * t**2 + electrons * (np.exp(jump) - 1 - jump)
-    )
+    exponent = -0.5 * within / fit.sigma**2 * t**2 + electrons * (np.exp(jump) - 1 - jump)
+    spectrum = law.phi(t) * np.exp(exponent)
     density = np.fft.fftshift(np.fft.irfft(spectrum, law.x.size)) / step  # of the noise with its sign turned
     below = (np.cumsum(density) - 0.5 * density) * step
     x = law.x * fit.sigma

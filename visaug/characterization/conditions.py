@@ -55,9 +55,8 @@ def _in_celsius(frames: FrameSet, found: Findings) -> FrameSet:
             found.warn(f"temperature_{word}: temperatures of {', '.join(sorted(values))} {said}")
     if all(m is None or not m[1] for m in made):
         return frames
-    return frames.with_records(
-        [replace(r, temperature_c=m[0] if m else None) for r, m in zip(frames.records, made)]
-    )
+    degrees = [m[0] if m else None for m in made]
+    return frames.with_records([replace(r, temperature_c=t) for r, t in zip(frames.records, degrees)])
 
 
 def _one_setting(frames: FrameSet, found: Findings) -> FrameSet:

@@ -100,10 +100,9 @@ def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
         "in_electrons": np.array(found.gain is not None),
     }
     if law is not None:
-        untested = (
-            "dark current follows a exp(b T), which two temperatures do not test" if len(lines) == 2 else ""
-        )
-        _add_law(found, law, f"mean dark signal against exposure at {len(lines)} temperatures", untested)
+        untested = "dark current follows a exp(b T), which two temperatures do not test"
+        source = f"mean dark signal against exposure at {len(lines)} temperatures"
+        _add_law(found, law, source, untested if len(lines) == 2 else "")
         _too_flat(found, lines, law)
         if law.misfit > stats.f.ppf(0.999, max(len(lines) - 2, 1), min(law.df, 1e6)):
             found.warn(
@@ -112,9 +111,8 @@ def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
             )
     else:
         _one_temperature(found, lines)
-        miss_law(
-            found, "dark frames at two or more known temperatures, warm or long enough for a dark signal"
-        )
+        needs = "dark frames at two or more known temperatures, warm or long enough for a dark signal"
+        miss_law(found, needs)
 
 
 def _too_flat(found: Findings, lines: list[dark_current.Slope], law: dark_current.DarkCurrentLaw) -> None:

@@ -158,10 +158,8 @@ def _covered(response: np.ndarray) -> int:
 def cut(frames: FrameSet, seen: Extremes, window: tuple[int, int, int, int]) -> tuple[FrameSet, Extremes]:
     """The frames and their extremes inside a window."""
     r0, r1, c0, c1 = window
-    maps = {
-        name: getattr(seen, name)[r0:r1, c0:c1]
-        for name in ("low", "high", "flat_low", "flat_high", "at_the_end")
-    }
+    names = ("low", "high", "flat_low", "flat_high", "at_the_end")
+    maps = {name: getattr(seen, name)[r0:r1, c0:c1] for name in names}
     return cropped(frames, window), replace(seen, **maps)
 
 

@@ -81,9 +81,8 @@ def _check_variances(
         usual = float(np.median(variances))
         levels = np.array([m.frame_means[m.group.indices.index(i)] for i in indices])
         signal = m.mean - dark.get(id(m), 0.0)
-        by_light = (
-            np.abs(levels - np.median(levels)) / signal if signal > 0 and m.group.kind == "flat" else 0.0
-        )
+        is_lit = signal > 0 and m.group.kind == "flat"
+        by_light = np.abs(levels - np.median(levels)) / signal if is_lit else 0.0
         excess = np.abs(variances / usual - 1) - by_light
         # The test of single frames has its own probability of a false alarm in one set.
         least = float(stats.norm.isf(FALSE_ALARM / 2 / len(indices) / several))

@@ -80,11 +80,8 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
     """
     several = [g for g in groups if len(g.indices) > 1]
     peaks = [_peaks(frames, g) for g in several]
-    dips = [
-        (p, len(g.indices))
-        for g, p in zip(several, peaks)
-        if g.kind != "flat" and len(g.indices) > 2 and not p.cut
-    ]
+    whole = [(p, len(g.indices)) for g, p in zip(several, peaks) if g.kind != "flat" and not p.cut]
+    dips = [(p, n) for p, n in whole if n > 2]
     tail = _tail(dips)
     gain = _rough_gain(several, peaks)
     quiet = min((p.noise for g, p in zip(several, peaks) if g.kind != "flat"), default=0.0)

@@ -255,9 +255,8 @@ def capacity(found: Findings, result: PhotonTransferResult, pattern: Parts | Non
         clips = photon_transfer.converter_clips(result.levels[-1])
         found.miss("full_well_e", lower_gain if clips else "calibrated flats beyond saturation")
         return
-    found.add(
-        "full_well_e", symmetric(*well, result.df), "e-", "mean of the brightest flats against the light"
-    )
+    source = "mean of the brightest flats against the light"
+    found.add("full_well_e", symmetric(*well, result.df), "e-", source)
 
 
 def gain_law(found: Findings, measured: Measured, result: PhotonTransferResult) -> None:
@@ -280,10 +279,7 @@ def gain_law(found: Findings, measured: Measured, result: PhotonTransferResult) 
     error = math.sqrt(max(misfit if len(db) > 2 else 0.0, 1.0) / spread)
     source = f"photon transfer at {len(db)} gain settings"
     found.add("gain_law.slope", symmetric(slope, error, result.df), "dB/dB", source)
-    found.curves["gain_law"] = {
-        "gain_db": db,
-        "measured_db": measured_db - measured_db[0] + db[0],
-        "error_db": errors,
-    }
+    shown_db = measured_db - measured_db[0] + db[0]
+    found.curves["gain_law"] = {"gain_db": db, "measured_db": shown_db, "error_db": errors}
     if abs(slope - 1) > 3 * error + 0.02:
         found.warn(f"gain_law: 1 dB of the setting is {slope:.3f} dB of gain, not 1")

@@ -155,9 +155,8 @@ def _alike(light: np.ndarray, dark: np.ndarray) -> bool:
     beside = np.minimum(light[:2], dark[:2])
     smoothed = 0.05  # correlation with the next pixel: half of what a Gaussian filter of 0.4 px makes
     alike = 0.25  # of the larger correlation: after one filter, rounding alone makes them differ
-    return bool(
-        (beside > smoothed).all() and (np.abs(light - dark)[:2] < alike * np.maximum(light, dark)[:2]).all()
-    )
+    is_alike = np.abs(light - dark)[:2] < alike * np.maximum(light, dark)[:2]
+    return bool((beside > smoothed).all() and is_alike.all())
 
 
 def _largest(values: np.ndarray) -> float:

@@ -128,9 +128,8 @@ def _shares(shape: float, edges: np.ndarray, frames: int | None) -> np.ndarray:
     else:  # (1 - 1/n) x less 1/n of the others, by the characteristic function
         step = 0.02
         t = step * (np.arange(2000) + 0.5)
-        phi = law.phi(t * math.sqrt(1 - 1 / frames)) * law.phi(t / math.sqrt(frames * (frames - 1))) ** (
-            frames - 1
-        )
+        others = law.phi(t / math.sqrt(frames * (frames - 1))) ** (frames - 1)
+        phi = law.phi(t * math.sqrt(1 - 1 / frames)) * others
         distribution = 0.5 + step / math.pi * np.sin(np.outer(edges, t)) @ (phi / t)
     model = np.diff(distribution)
     return model / model.sum()

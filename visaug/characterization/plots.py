@@ -125,7 +125,5 @@ def figure(curves: Mapping[str, Mapping[str, np.ndarray]], name: str) -> "Figure
 
 def figures(curves: Mapping[str, Mapping[str, np.ndarray]]) -> "dict[str, Figure]":
     """Every figure whose curve has more than one place along its axis, which its first array holds, by name."""
-    told = [
-        name for name in _FIGURES if name in curves and len(np.unique(next(iter(curves[name].values())))) > 1
-    ]
-    return {name: figure(curves, name) for name in told}
+    along = {name: next(iter(curves[name].values())) for name in _FIGURES if name in curves}
+    return {name: figure(curves, name) for name, values in along.items() if len(np.unique(values)) > 1}

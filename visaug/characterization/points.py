@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from visaug.camera import Camera
+from visaug.characterization.alike import KINDS
 from visaug.characterization.result import Characterization
 from visaug.characterization.run import characterize
 from visaug.characterization.views import colour_plane
@@ -53,9 +54,7 @@ def operating_points(
 
 
 def _settings(frames: FrameSet) -> list[tuple[str, FrameSet]]:
-    usable = [
-        i for i, r in enumerate(frames.records) if r.kind in ("bias", "dark", "flat") and r.combined == 1
-    ]
+    usable = [i for i, r in enumerate(frames.records) if r.kind in KINDS and r.combined == 1]
     records = [frames.records[i] for i in usable]
     keys = list(dict.fromkeys(_key(r) for r in records if r.kind == "flat"))
     keys = keys or list(dict.fromkeys((r.gain_db, r.setting, None) for r in records))

@@ -62,9 +62,8 @@ def fit(
     errors = _sandwich(p, histogram, log_probabilities)
     model = np.exp(log_probabilities(p)) * counts.sum()
     sigma = math.exp(p[0]) / math.sqrt(kept)
-    return ReadNoiseResult(
-        sigma, float(p[1]), sigma * errors[0], errors[1], len(histogram) - 1, centres, counts, model
-    )
+    figures = sigma, float(p[1]), sigma * errors[0], errors[1], len(histogram) - 1
+    return ReadNoiseResult(*figures, centres, counts, model)
 
 
 def _histogram(

@@ -67,14 +67,12 @@ def response(levels: Sequence[FlatLevel], dark_tells: bool) -> Response | None:
     if not value > 0:
         return None
     dark_share = 1.0 if dark_tells else 0.0
-    rows = _left_out([v.flat.row_means - dark_share * v.dark.row_means for v in levels], influence)
-    columns_too = _left_out(
-        [v.flat.column_means - dark_share * v.dark.column_means for v in levels], influence
-    )
+    by_row = _left_out([v.flat.row_means - dark_share * v.dark.row_means for v in levels], influence)
+    by_column = _left_out([v.flat.column_means - dark_share * v.dark.column_means for v in levels], influence)
     gap = np.array([v.exposure_gap_s * (v.dark_rate_error or 0.0) for v in levels])
     rate = float(influence @ gap) ** 2 if dark_tells else 0.0
     light, spare = fit.by_lamp(0)
-    error, df = mean_error([(rows, 19), (columns_too, 19), (light, spare), (rate, 19)])
+    error, df = mean_error([(by_row, 19), (by_column, 19), (light, spare), (rate, 19)])
     with_dark = _influence(photons[:, None])[0] @ np.array([v.signal for v in levels])
     share = with_dark / value - 1 if dark != "none" and not bent else 0.0
     rate_of_dark = (0.0, 0.0)

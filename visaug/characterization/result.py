@@ -168,9 +168,8 @@ class Characterization:
         from visaug.frames.writers import write_frame
 
         if suffix not in (".fits", ".tif", ".tiff", ".npy"):
-            raise InputError(
-                f"{suffix!r} is not a map format", field="suffix", expected=".fits, .tif or .npy"
-            )
+            problem = f"{suffix!r} is not a map format"
+            raise InputError(problem, field="suffix", expected=".fits, .tif or .npy")
         written = []
         for name, values in self.maps.items():
             path = Path(folder) / f"{name}{suffix}"
@@ -214,9 +213,8 @@ class Characterization:
             InputError: the frames gave no master bias.
         """
         if "master_bias" not in self.maps:
-            raise InputError(
-                "the frames gave no master bias", field="dsnu", expected="two or more bias frames"
-            )
+            problem = "the frames gave no master bias"
+            raise InputError(problem, field="dsnu", expected="two or more bias frames")
         master = self.maps["master_bias"]
         _, _, pixels, _ = two_way(master)
         deviation = float(stats.median_abs_deviation(pixels.ravel(), scale="normal"))

@@ -119,9 +119,8 @@ def fit_locations(
         step[list(free)] = np.linalg.solve(scores @ scores.T + _RIDGE * np.eye(len(free)), gradient)
         if gradient @ step[list(free)] < 0.02:  # gain of log-likelihood: a seventh of a standard error
             break
-        step *= min(
-            1.0, *(most / max(abs(s), 1e-12) for s, most in zip(step, (0.3, 0.1, math.exp(p[0]), 0.5)))
-        )
+        most = 0.3, 0.1, math.exp(p[0]), 0.5
+        step *= min(1.0, *(m / max(abs(s), 1e-12) for s, m in zip(step, most)))
         for _ in range(6):
             trial = p + step
             trial[1] = np.clip(trial[1], *tukey.SHAPE_BOUNDS)

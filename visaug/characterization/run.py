@@ -65,9 +65,8 @@ def characterize(
     kinds = {r.kind for r in frames.records}
     if not kinds & {"bias", "dark", "flat"}:
         if "image" not in kinds:
-            raise InputError(
-                "nothing can be measured", field="kind", expected="bias, dark, flat or image frames"
-            )
+            expected = "bias, dark, flat or image frames"
+            raise InputError("nothing can be measured", field="kind", expected=expected)
         from visaug.pictures.camera import camera_of_pictures
 
         size = camera_of_pictures(found, frames, seed)
@@ -90,10 +89,8 @@ def characterize(
     result = _result(found, camera, measured, method)
     if mosaic is None:
         return result
-    planes = {
-        name: characterize(colour_plane(ready, *place), camera, seed)
-        for name, place in zip(mosaic.names, PLACES)
-    }
+    places = zip(mosaic.names, PLACES)
+    planes = {name: characterize(colour_plane(ready, *at), camera, seed) for name, at in places}
     return replace(result, planes=planes)
 
 
@@ -150,9 +147,8 @@ def _measure(
     if transfer is None and camera is not None:
         given = camera.gain_at(measured.gain_db)
         found.gain = MeasuredGain(1 / given, 0.0, measured=False)
-        found.warn(
-            f"gain_as_given: without flats the gain is not determined; {given:.4g} e-/DN of the camera is used"
-        )
+        used = f"{given:.4g} e-/DN of the camera is used"
+        found.warn(f"gain_as_given: without flats the gain is not determined; {used}")
     _without_light(found, measured, seed)
     if transfer is None:
         for name in PARTS:

@@ -85,9 +85,8 @@ def _own_noise(
     rms = interval[0]
     uneven = 0.05  # spread of log sigma from which on it bends the histogram's shape
     if own.established and own.spread > uneven:
-        found.drop(
-            "read_noise.shape", "pixels of equal noise: here every pixel has its own, see read_noise.spread"
-        )
+        needs = "pixels of equal noise: here every pixel has its own, see read_noise.spread"
+        found.drop("read_noise.shape", needs)
         found.warn(
             f"read_noise_nonuniform: the read noise varies by {own.spread:.0%} between pixels; its histogram has "
             "heavy tails although each pixel may be normal, so the shape is not determined; sigma is the root mean square",
@@ -169,9 +168,8 @@ def add_profiles(found: Findings, master: np.ndarray) -> None:
         curves |= zip([f"{name}_{what}" for what in ("profile_dn", "frequency", "power")], spectrum)
         if found_peaks.size:
             peaks = ", ".join(f"{f:.3f}" for f in found_peaks[:4])
-            found.warn(
-                f"{name}_structure: the master bias's {name} means have power at {peaks} cycles per {name}"
-            )
+            said = f"the master bias's {name} means have power at {peaks} cycles per {name}"
+            found.warn(f"{name}_structure: {said}")
     found.curves["nonuniformity"] = curves
 
 

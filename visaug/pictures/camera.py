@@ -40,18 +40,16 @@ def camera_of_pictures(found: Findings, frames: FrameSet, seed: int) -> tuple[in
     rounding = Rounding(pictures.steps, pictures.is_jpeg)
     levels = noise_by_level(blocks, rounding, len(pictures))
     if is_rendered(blocks, levels, rounding):
-        _no_camera(
-            found, "pictures with sensor noise", f"no_sensor_noise: {no_noise(pictures)}; there is no camera"
-        )
+        said = f"no_sensor_noise: {no_noise(pictures)}; there is no camera"
+        _no_camera(found, "pictures with sensor noise", said)
         found.miss("image.noise_dn", "pictures with sensor noise")
         return None
     if not len(levels.level):
         return _no_flat_regions(found, blocks, left_out)
     _noise_in_dn(found, pictures, levels, rounding)
     if left_out > 0.5:
-        found.warn(
-            f"clipped_pictures: {left_out:.0%} of the regions are saturated or all black and tell nothing"
-        )
+        said = f"{left_out:.0%} of the regions are saturated or all black and tell nothing"
+        found.warn(f"clipped_pictures: {said}")
     if len(pictures) < 3:
         said = f"few_pictures: {len(pictures)} of one kind; spreads and patterns need three or more"
         return _no_camera(found, "three or more pictures", said)
@@ -116,9 +114,8 @@ def _camera(
         )
         return _no_camera(found, needs, said)
     if sky := find_sky(blocks, levels):
-        levels = noise_by_level(
-            blocks, rounding, len(pictures), (sky.level - sky.reach, sky.level + sky.reach)
-        )
+        near = sky.level - sky.reach, sky.level + sky.reach
+        levels = noise_by_level(blocks, rounding, len(pictures), near)
     cut = 3.0  # standard deviations of noise above code 0
     if pictures.is_jpeg and sky and sky.level < cut * math.sqrt(levels.variance[0]):
         # A decoder cuts what JPEG has moved below 0, so noise there follows no law of the sensor.

@@ -187,9 +187,8 @@ def _prepared(name: str, frames: FrameSet, seed: int, warnings: list[str]) -> _S
         raise InputError("holds no ordinary pictures", field=name, expected="a folder of pictures")
     pictures = largest_group(frames, lambda text: warnings.append(f"{text} ({name})"))
     if len(pictures) < 5:
-        raise InputError(
-            f"too few pictures of one kind: {len(pictures)}", field=name, expected="5 or more of one size"
-        )
+        problem = f"too few pictures of one kind: {len(pictures)}"
+        raise InputError(problem, field=name, expected="5 or more of one size")
     blocks, _ = sample(pictures, seed)
     rounding = Rounding(pictures.steps, pictures.is_jpeg)
     return _Set(pictures, blocks, noise_by_level(blocks, rounding, len(pictures)), rounding)

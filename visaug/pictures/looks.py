@@ -126,9 +126,8 @@ def _edges(picture: np.ndarray) -> np.ndarray:
     size = np.abs(slope)
     reach = 4  # px on either side of an edge
     width = 2 * reach + 1
-    height = ndimage.maximum_filter1d(picture, width, axis=1) - ndimage.minimum_filter1d(
-        picture, width, axis=1
-    )
+    least = ndimage.minimum_filter1d(picture, width, axis=1)
+    height = ndimage.maximum_filter1d(picture, width, axis=1) - least
     steepest = size >= ndimage.maximum_filter1d(size, width, axis=1)
     # An edge stands clear of the noise, by 40/255 of full scale, and hardly changes along itself.
     edge = steepest & (height > 40.0) & (np.abs(along) < STEEPEST * size)

@@ -149,9 +149,8 @@ class PicturePart:
         if shaded is None:
             return sums
         lens, is_falloff = self._symmetry(shaded, chosen), [s.view == "falloff" for s in STATISTICS]
-        return Sums(
-            np.where(is_falloff, lens.above, sums.above), np.where(is_falloff, lens.below, sums.below)
-        )
+        pairs = (lens.above, sums.above), (lens.below, sums.below)
+        return Sums(*(np.where(is_falloff, *pair) for pair in pairs))
 
     def _error(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(statistics,) standard error of the symmetries less their expectation, and its degrees of freedom (Welch 1947)."""
@@ -236,9 +235,8 @@ class PicturePart:
             return light, None
         passed = seen[-1]
         # Shading is slower than a Gaussian of 8 px, blur is faster. No light is raised or lowered by more than a factor of 4.
-        slow = [
-            torch.from_numpy(ndimage.gaussian_filter(x.numpy(), (0, 0, 8.0, 8.0))) for x in (light, passed)
-        ]
+        wide = (0, 0, 8.0, 8.0)
+        slow = [torch.from_numpy(ndimage.gaussian_filter(x.numpy(), wide)) for x in (light, passed)]
         through = (slow[0] / slow[1].clamp_min(1e-6)).clamp(1 / 4.0, 4.0)
         s = self.scenes
         dark = decoded(torch.tensor(s.black / 255), s.transfer)

@@ -59,9 +59,8 @@ class Regions:
 
     def without_saturated(self, pictures: np.ndarray, saturated: float) -> "Regions":
         """Away from saturated pixels: what spills out of them is no noise of a flat region."""
-        near = np.asarray(
-            ndimage.binary_dilation(cut(pictures).max((2, 4)) >= saturated, np.ones((1, 3, 3), bool)), bool
-        )
+        full = cut(pictures).max((2, 4)) >= saturated
+        near = np.asarray(ndimage.binary_dilation(full, np.ones((1, 3, 3), bool)), bool)
         return Regions(self.dark & np.logical_not(near), np.where(near, -1, self.lit), self.levels, self.sky)
 
 
@@ -84,9 +83,8 @@ def find_regions(
     dark = ndimage.binary_erosion(near, np.ones((1, 3, 3), bool), border_value=1)
     lit = usable & ~near & (level > 3 + (sky or 0))
     number = np.broadcast_to(np.arange(len(pictures))[:, None, None], level.shape)
-    levels = noise_by_level(
-        Blocks(coefficients[lit], level[lit], number[lit], level[lit]), rounding, len(pictures)
-    )
+    blocks = Blocks(coefficients[lit], level[lit], number[lit], level[lit])
+    levels = noise_by_level(blocks, rounding, len(pictures))
     lit &= _without_structure(coefficients, level, lit, levels, rounding)
     return _by_level(dark, lit, level, sky)
 

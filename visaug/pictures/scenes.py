@@ -144,9 +144,8 @@ def chosen_of(pictures: PictureSet, budget: int = 1_200_000) -> tuple[np.ndarray
     share = min(1.0, np.sqrt(budget / (count * rows * columns)))
     height, width = (max(int(share * side) // SIDE, 4) * SIDE for side in (rows, columns))
     if min(rows, columns) < 4 * SIDE:
-        raise InputError(
-            f"the pictures are {rows} x {columns}", field="frames", expected="32 x 32 pixels or more"
-        )
+        problem = f"the pictures are {rows} x {columns}"
+        raise InputError(problem, field="frames", expected="32 x 32 pixels or more")
     top, left = ((side - part) // 2 // SIDE * SIDE for side, part in ((rows, height), (columns, width)))
     return chosen, (top, top + height, left, left + width)
 
@@ -247,9 +246,8 @@ def _expected(
     sums = symmetry_sums(taken, regions.lit >= 0, level, saturated, (window[0], window[2]), shape)
     unknown = _unknown()
     if not sums.told[np.isnan(unknown[0])].all():
-        warn(
-            "scenes_tell_nothing: too few scenes have flat or smooth regions; falloff of light is not compared"
-        )
+        said = "too few scenes have flat or smooth regions; falloff of light is not compared"
+        warn(f"scenes_tell_nothing: {said}")
     return np.where(sums.told, np.stack([sums.ratio, sums.variance, sums.freedom]), unknown)
 
 

@@ -98,9 +98,8 @@ def _falloff(pictures: np.ndarray, flat: np.ndarray, black: float, corner: tuple
         for summed, side in ((4, 2), (2, 3))
     ]
     half = np.hypot(*size) / 2
-    y, x = (
-        (np.arange(light.shape[k + 1]) * SIDE + SIDE / 2 + corner[k] - size[k] / 2) / half for k in (0, 1)
-    )
+    middles = [np.arange(n) * SIDE + SIDE / 2 for n in light.shape[1:]]
+    y, x = ((middles[k] + corner[k] - size[k] / 2) / half for k in (0, 1))
     along = -(slopes[0] * y[:, None] + slopes[1] * x[None, :]) * half / 2
     square = y[:, None] ** 2 + x[None, :] ** 2
     parts = [flat & part for part in (square < 0.3, square >= 0.3)]

@@ -125,9 +125,8 @@ def figure(
     with mpl.rc_context({"svg.hashsalt": "visaug", "svg.fonttype": "path"}):
         drawn.savefig(buffer, **form, bbox_inches="tight", pad_inches=0.06)
     content = base64.b64encode(buffer.getvalue()).decode("ascii")
-    return Figure(
-        f"data:image/{'png' if raster else 'svg+xml'};base64,{content}", caption, alt or caption, wide
-    )
+    kind = "png" if raster else "svg+xml"
+    return Figure(f"data:image/{kind};base64,{content}", caption, alt or caption, wide)
 
 
 @cache

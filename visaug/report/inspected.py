@@ -81,9 +81,8 @@ def measured_texts(result: "Inspection") -> list[str]:
             t, p = m.temporal_noise_dn, m.pixel_pattern_dn
             noise = f", temporal noise {with_interval(t['value'], t['low'], t['high'], 'DN')} ({m.law})"
             pattern = f", pixel pattern {with_interval(p['value'], p['low'], p['high'], 'DN')}"
-        lines.append(
-            f"{counted(m.frames, f'{m.kind} frame')}: level {number(m.level_dn)} DN{noise}{pattern}."
-        )
+        level = f"level {number(m.level_dn)} DN"
+        lines.append(f"{counted(m.frames, f'{m.kind} frame')}: {level}{noise}{pattern}.")
     return lines
 
 

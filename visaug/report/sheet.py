@@ -66,10 +66,7 @@ QUANTITIES: dict[str, tuple[Row, ...]] = {  # by heading
         ("PRNU, high-pass filtered", "", "emva4.prnu_highpass", 100),
     ),
 }
-CORRECTED = (
-    *_split("emva4_corrected", "DSNU", symbols=False),
-    *_split("emva4_corrected", "PRNU", symbols=False),
-)
+CORRECTED = [row for what in ("DSNU", "PRNU") for row in _split("emva4_corrected", what, symbols=False)]
 
 
 def write_sheet(path: str | Path, points: Sequence[OperatingPoint], frames: FrameSet) -> Path:

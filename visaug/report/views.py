@@ -52,9 +52,8 @@ class ViewGallery:
             if measured is not None and _tells(measured):
                 same = (measured.x_label, measured.y_label, len(measured.maps))
                 # Other axes where flats of one set alone are saturated.
-                return measured, [
-                    p if p and (p.x_label, p.y_label, len(p.maps)) == same else None for p in modelled
-                ]
+                shown = [p if p and (p.x_label, p.y_label, len(p.maps)) == same else None for p in modelled]
+                return measured, shown
         return None
 
     def pictures(

@@ -182,6 +182,5 @@ for _title, _shown, _draw in (
 ):
     for _what, _unit in (("DSNU", "e-"), ("PRNU", "%")):
         _key = _what.lower()
-        FIGURES.append(
-            (f"{_what} {_title}", _shown.format(_what), f"emva4_{_key}", (), partial(_draw, _key, _unit))
-        )
+        _drawn = partial(_draw, _key, _unit)
+        FIGURES.append((f"{_what} {_title}", _shown.format(_what), f"emva4_{_key}", (), _drawn))
