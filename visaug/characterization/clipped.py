@@ -137,15 +137,14 @@ def _black_level(
         rise = 0.0 if known else solution.level(master, up) - solution.level(master, down)
         slopes.append(rise / (2 * step))
     model = float(np.array(slopes) @ fit.covariance[:2, :2] @ slopes)
-    error, df = mean_error(
-        [
-            (solution.rows.variance / height, height - 1),
-            (solution.columns.variance / width, width - 1),
-            (solution.columns.error / width, width),
-            (model, BLOCKS - 1),
-            (still.frame_variance / still.n, still.n - 1),
-        ]
-    )
+    parts = [
+        (solution.rows.variance / height, height - 1),
+        (solution.columns.variance / width, width - 1),
+        (solution.columns.error / width, width),
+        (model, BLOCKS - 1),
+        (still.frame_variance / still.n, still.n - 1),
+    ]
+    error, df = mean_error(parts)
     interval = symmetric(origin + float(solution.columns.places.mean()), error, df)
     found.add("black_level_dn", interval, "DN", source)
     if interval[2] < 0:

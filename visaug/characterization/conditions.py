@@ -161,16 +161,11 @@ def _aligned(
     )
     scale = 1 << low
     return shifted(frames, low), [
-        replace(
-            f,
-            mean=f.mean / scale,
-            noise=f.noise / scale,
-            largest=f.largest / scale,
-            bits=(f.bits or 0) >> low,
-            phases=tuple(phase / scale for phase in f.phases),  # pyrefly: ignore[bad-argument-type]
-        )
+        replace(f, mean=f.mean / scale, noise=f.noise / scale, largest=f.largest / scale,
+                bits=(f.bits or 0) >> low,
+                phases=tuple(phase / scale for phase in f.phases))  # pyrefly: ignore[bad-argument-type]
         for f in facts
-    ]
+    ]  # fmt: skip
 
 
 def _bit_depth(frames: FrameSet, facts: list[Facts], found: Findings, told_bits: int | None) -> None:
@@ -205,10 +200,8 @@ def _check_lossy(frames: FrameSet, facts: Sequence[Facts], found: Findings) -> N
     spoils = ("gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "read_noise.shape",
               "prnu.*", "dsnu.*", "dark_current.*", "full_well_e", "emva.*", "emva4.*", "temporal.*")  # fmt: skip
     if any(r.file.lower().endswith((".jpg", ".jpeg")) for r in frames.records):
-        found.warn(
-            "lossy_frames: JPEG compression removes noise and rounds coarsely; measure raw or lossless frames",
-            spoils=spoils,
-        )
+        advice = "measure raw or lossless frames"
+        found.warn(f"lossy_frames: JPEG compression removes noise and rounds coarsely; {advice}", spoils)
     steps = [(_compression_step(frames.path(i)), f.noise) for i, f in enumerate(facts)]
     coarsest = 0.35  # step over the noise of a pixel: rounding then adds 1 % to its variance, step^2 / 12
     coarse = [step / noise for step, noise in steps if step and noise and step > coarsest * noise]

@@ -48,12 +48,8 @@ def dark_law(found: Findings, measured: Measured, frames: GroupMoments | None = 
 
 def _of_frames(measured: Measured, groups: tuple[GroupMoments, ...]) -> dark_current.DarkCurrentLaw | None:
     records = measured.frames.records
-    rows = [
-        (records[i].temperature_c, records[i].exposure_s, level)
-        for m in groups
-        for i, level in zip(m.group.indices, m.frame_means)
-        if records[i].temperature_c is not None
-    ]
+    levels = [(records[i], level) for m in groups for i, level in zip(m.group.indices, m.frame_means)]
+    rows = [(r.temperature_c, r.exposure_s, level) for r, level in levels if r.temperature_c is not None]
     return dark_current.joint_law(*np.array(rows, float).reshape(-1, 3).T)
 
 
@@ -105,10 +101,8 @@ def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
         _add_law(found, law, source, untested if len(lines) == 2 else "")
         _too_flat(found, lines, law)
         if law.misfit > stats.f.ppf(0.999, max(len(lines) - 2, 1), min(law.df, 1e6)):
-            found.warn(
-                "dark_current_law: the dark current does not follow a exp(b T) within its uncertainty",
-                spoils=("dark_current.*", "emva.dark_current_*"),
-            )
+            said = "dark_current_law: the dark current does not follow a exp(b T) within its uncertainty"
+            found.warn(said, spoils=("dark_current.*", "emva.dark_current_*"))
     else:
         _one_temperature(found, lines)
         needs = "dark frames at two or more known temperatures, warm or long enough for a dark signal"

@@ -176,21 +176,16 @@ def stuck_pixels(seen: Extremes, found: Findings) -> np.ndarray | None:
     if not (share := float(stuck.mean())):
         return None
     if share > _MOST:
-        found.warn(
-            f"stuck_pixels: {share:.0%} of the pixels do not answer to light; they are too many to be left out",
-            spoils=("*",),
-        )
+        said = f"{share:.0%} of the pixels do not answer to light; they are too many to be left out"
+        found.warn(f"stuck_pixels: {said}", spoils=("*",))
         return None
     found.stuck = stuck
     rows, columns = np.flatnonzero(stuck.all(1)), np.flatnonzero(stuck.all(0))
     single = stuck.copy()
     single[rows], single[:, columns] = False, False
     places = [f"({r}, {c})" for r, c in np.argwhere(single)]
-    parts = [
-        f"{counted(len(what), name)} ({listed(what, 5)})"
-        for name, what in (("row", rows), ("column", columns), ("pixel", places))
-        if len(what)
-    ]
+    kinds = ("row", rows), ("column", columns), ("pixel", places)
+    parts = [f"{counted(len(what), name)} ({listed(what, 5)})" for name, what in kinds if len(what)]
     found.warn(f"stuck_pixels: {', '.join(parts)} keep one value whatever the light and are excluded")
     return stuck
 

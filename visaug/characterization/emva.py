@@ -126,10 +126,8 @@ def _dark_sweep(measured: Measured, temperature_c: float | None) -> list[GroupMo
 def _dark_ladder(measured: Measured) -> list[GroupMoments]:
     """The sweep of three or more exposures whose temperature is nearest to the flats'."""
     base = measured.temperature_c
-    temperatures = sorted(
-        {m.group.temperature_c for m in measured.darks},
-        key=lambda t: (degrees_apart(t, base), t is None, t or 0.0),
-    )
+    degrees = {m.group.temperature_c for m in measured.darks}
+    temperatures = sorted(degrees, key=lambda t: (degrees_apart(t, base), t is None, t or 0.0))
     for t in (base, *temperatures):
         ladder = _dark_sweep(measured, t)
         if len({m.group.exposure_s for m in ladder}) > 2:

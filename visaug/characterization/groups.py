@@ -79,10 +79,8 @@ class FlatLevel:
         Light that is uneven over the pixels makes their variances uneven, and their mean the less certain.
         """
         light = max(1 - self.dark.variance / self.flat.variance, 0.0) if self.flat.variance > 0 else 0.0
-        parts = [
-            2 * u * m.variance**2 / max((m.n - 1) * m.shape[0] * m.shape[1], 1)
-            for u, m in ((1 + self.unevenness * light**2, self.flat), (1.0, self.dark))
-        ]
+        uneven = (1 + self.unevenness * light**2, self.flat), (1.0, self.dark)
+        parts = [2 * u * m.variance**2 / max((m.n - 1) * m.shape[0] * m.shape[1], 1) for u, m in uneven]
         return math.sqrt(sum(parts) + self.shared_error**2)
 
     @property

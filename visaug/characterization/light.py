@@ -21,13 +21,8 @@ NEEDS_CLEAR_FLATS = (
     "clear of 0 and of the converter's top"
 )
 NEEDS_PHOTONS = "flats with known photons per pixel"
-_FROM_PHOTONS = (
-    "quantum_efficiency",
-    "emva.quantum_efficiency",
-    "emva.saturation_photons",
-    "emva4.absolute_sensitivity_*photons",
-    "emva4.responsivity_*",
-)
+_FROM_PHOTONS = ("quantum_efficiency", "emva.quantum_efficiency", "emva.saturation_photons",
+                 "emva4.absolute_sensitivity_*photons", "emva4.responsivity_*")  # fmt: skip
 
 
 def gain_and_efficiency(found: Findings, measured: Measured, dark_tells: bool) -> PhotonTransferResult | None:
@@ -109,9 +104,8 @@ def _efficiency(found: Findings, result: PhotonTransferResult) -> None:
         return
     gain = result.gain_dn_per_e
     value = line.dn_per_photon / gain
-    error, df = mean_error(
-        [((value * result.gain_error / gain) ** 2, result.df), ((value * line.relative_error) ** 2, line.df)]
-    )
+    by_gain = (value * result.gain_error / gain) ** 2, result.df
+    error, df = mean_error([by_gain, ((value * line.relative_error) ** 2, line.df)])
     _, low, high = symmetric(value, error, df)
     interval = value, max(low, 0.0), high
     found.add("quantum_efficiency", interval, "e-/photon", "responsivity over gain", 1.0)
@@ -128,10 +122,8 @@ def _efficiency(found: Findings, result: PhotonTransferResult) -> None:
             spoils=(*_FROM_PHOTONS, "emva.linearity_error_*"),
         )
     if value > 1:
-        found.warn(
-            "quantum_efficiency_above_one: the stated photons are too few, or the light is not uniform",
-            spoils=("quantum_efficiency", "emva.quantum_efficiency"),
-        )
+        said = "quantum_efficiency_above_one: the stated photons are too few, or the light is not uniform"
+        found.warn(said, spoils=("quantum_efficiency", "emva.quantum_efficiency"))
     if line.bent:
         top = max(float(result.levels[i].photons or 0.0) for i in result.safe)
         found.warn(

@@ -50,9 +50,8 @@ def add_maps(found: Findings, measured: Measured) -> None:
     if marked:
         defects = found.maps["defects"] = np.zeros(marked[0][1].shape, np.uint8)
         for name, which, place in marked:
-            if (
-                place == marked[0][2]
-            ):  # the window of the first map; others of the same size show other pixels
+            # the window of the first map; others of the same size show other pixels
+            if place == marked[0][2]:
                 defects[which] |= DEFECTS[name]
         counts = {name: np.count_nonzero(defects & bit) for name, bit in DEFECTS.items()}
         if any(counts.values()):

@@ -77,9 +77,7 @@ def find_mosaic(frames: FrameSet, facts: Sequence[Facts]) -> Mosaic | None:
 
 def _contradicted(pattern: str, response: np.ndarray) -> bool:
     """Whether the flats show the greens on the other diagonal than the pattern: a colour is no plain difference of two greens."""
-    greens, others = (
-        abs(float(np.subtract(*response[[i for i, c in enumerate(pattern) if (c == "G") == green]])))
-        for green in (True, False)
-    )
+    places = [[i for i, c in enumerate(pattern) if (c == "G") == green] for green in (True, False)]
+    greens, others = (abs(float(np.subtract(*response[pair]))) for pair in places)
     # of the signal: crosstalk from red and blue parts the greens of one sensor by a few per cent
     return greens > max(0.08, others)

@@ -93,8 +93,7 @@ def with_covariances(measured: Measured, found: Findings) -> Measured:
     elif in_dark:
         found.warn(
             f"correlated_noise: the noise of neighbours in dark frames correlates by {_largest(dark):+.3f} "
-            "and that of light does "
-            "not: read noise contains noise that neighbours share",
+            "and that of light does not: read noise contains noise that neighbours share",
             spoils=("read_noise.*",),
         )
     return measured

@@ -138,11 +138,8 @@ def not_white(m: GroupMoments) -> list[str]:
     t = m.temporal
     if t is None or t.pixel <= 0:
         return []
-    return [
-        name
-        for name, square, df in (("row", t.row, t.row_df), ("column", t.column, t.column_df))
-        if stats.f.sf(square / t.pixel, df, t.pixel_df) < 1e-3  # false alarms
-    ]
+    lines, false_alarms = (("row", t.row, t.row_df), ("column", t.column, t.column_df)), 1e-3
+    return [name for name, square, df in lines if stats.f.sf(square / t.pixel, df, t.pixel_df) < false_alarms]
 
 
 def corrected_split(m: GroupMoments) -> dict[str, float]:

@@ -146,11 +146,8 @@ def _dark(found: Findings, measured: Measured) -> None:
         kept = means[1:-1] if len(means) >= 4 else means  # fewer frames keep their smallest and largest mean
         point = (m.group.exposure_s, float(kept.mean()) * scale)
         by_temperature.setdefault(m.group.temperature_c, []).append(point)
-    lines: dict[float, Any] = {
-        t: stats.linregress(*np.array(points).T)
-        for t, points in by_temperature.items()
-        if len({e for e, _ in points}) > 1
-    }
+    ladders = {t: np.array(p).T for t, p in by_temperature.items() if len({e for e, _ in p}) > 1}
+    lines: dict[float, Any] = {t: stats.linregress(*points) for t, points in ladders.items()}
     if len(lines) < 2:
         miss_law(found)
         return

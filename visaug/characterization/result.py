@@ -86,10 +86,8 @@ class Characterization:
         return tuple(w.text for w in self.warning_details)
 
     def __repr__(self) -> str:
-        return (
-            f"Characterization({len(self.parameters)} parameters, {len(self.not_determined)} not determined, "
-            f"{len(self.warnings)} warnings)"
-        )
+        counts = f"{len(self.parameters)} parameters, {len(self.not_determined)} not determined"
+        return f"Characterization({counts}, {len(self.warnings)} warnings)"
 
     @property
     def is_noiseless(self) -> bool:

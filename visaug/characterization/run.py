@@ -117,12 +117,8 @@ def checked(frames: FrameSet) -> Findings:
             "mosaic: flats and scenes are left out, since the set states colour filters and a camera model has one quantum "
             "efficiency for all pixels; `visaug characterize` measures each colour (`planes`)",
         )
-    found.lights = {
-        ready.records[i].sequence: number
-        for number, m in enumerate(measured.moments)
-        if m.group.kind == "flat"
-        for i in m.group.indices
-    }
+    flats = [(n, m.group.indices) for n, m in enumerate(measured.moments) if m.group.kind == "flat"]
+    found.lights = {ready.records[i].sequence: n for n, indices in flats for i in indices}
     _measure(found, measured, None, 0, mosaic)
     return found
 

@@ -36,26 +36,21 @@ def noisier(level: FlatLevel) -> bool:
     """Whether dark frames scatter more than a flat of more signal: something but noise is in them."""
     df = level.dark.n - 1 if level.dark.n > 1 else 1
     excess = level.dark.variance / max(level.flat.variance, 1e-12) - 1
-    return (
-        level.flat.clipped_high == 0
-        and level.signal > 0
-        and level.flat.variance > EVEN_DN**2
-        and excess > 0.1 + 6 / math.sqrt(df * level.dark.shape[0] * level.dark.shape[1])
-    )
+    is_clear = level.flat.clipped_high == 0 and level.signal > 0 and level.flat.variance > EVEN_DN**2
+    return is_clear and excess > 0.1 + 6 / math.sqrt(df * level.dark.shape[0] * level.dark.shape[1])
 
 
 def black_level(found: Findings, still: GroupMoments, pattern: Parts, dark_signal_dn: float) -> None:
     """Mean of the bias frames less their dark signal; the pattern's spread hides the camera's own offset."""
     height, width = still.shape
     frame_noise = max(still.frame_variance, still.variance / (height * width)) / still.n
-    error, df = mean_error(
-        [
-            (max(pattern.row[0], 0) / height, height - 1),
-            (max(pattern.column[0], 0) / width, width - 1),
-            (max(pattern.pixel[0], 0) / (height * width), height * width),
-            (frame_noise, max(still.n - 1, 1)),
-        ]
-    )
+    variances = [
+        (max(pattern.row[0], 0) / height, height - 1),
+        (max(pattern.column[0], 0) / width, width - 1),
+        (max(pattern.pixel[0], 0) / (height * width), height * width),
+        (frame_noise, max(still.n - 1, 1)),
+    ]
+    error, df = mean_error(variances)
     source = f"mean of {still.n} {still.group.kind} frames"
     found.add("black_level_dn", symmetric(still.mean - dark_signal_dn, error, df), "DN", source)
 

@@ -208,11 +208,8 @@ def _noise(renders: _Set, target: _Set) -> list[StatisticDifference]:
         counts = [j for j, s in enumerate(levels.structure) if s < 0.1 and np.isfinite(spread[j])]
         errors = {j: math.hypot(spread[j], value[j] * levels.structure[j] / 4) for j in counts}
         sides.append({int(levels.number[j]): (value[j], errors[j], degrees, levels.level[j]) for j in counts})
-    return [
-        difference("noise_level", f"noise at level {b[3]:.0f}", "DN", b[:3], sides[0][k][:3])
-        for k, b in sorted(sides[1].items())
-        if k in sides[0]
-    ]
+    both = [(b, sides[0][k]) for k, b in sorted(sides[1].items()) if k in sides[0]]
+    return [difference("noise_level", f"noise at level {b[3]:.0f}", "DN", b[:3], a[:3]) for b, a in both]
 
 
 def _parts(one: _Set) -> dict[str, VariancePart | None]:
@@ -276,8 +273,5 @@ def look_differences(renders: PictureSet, target: PictureSet) -> list[StatisticD
         taken = read_windows(pictures, chosen, window)
         regions = find_regions(taken, 255.0, Rounding(pictures.steps, pictures.is_jpeg))
         sides.append({look.name: (look, figures) for look, *figures in measured(taken, regions)})
-    return [
-        difference(look.view, look.name, look.unit, one, sides[1][name][1])
-        for name, (look, one) in sides[0].items()
-        if name in sides[1]
-    ]
+    both = [(*sides[0][name], sides[1][name][1]) for name in sides[0] if name in sides[1]]
+    return [difference(look.view, look.name, look.unit, one, other) for look, one, other in both]

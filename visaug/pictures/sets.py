@@ -45,9 +45,7 @@ def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
     below = dark - ordered[ordered < dark]
     spread = float(np.median(below)) / 0.6745 if len(below) else 0.0  # the normal quartile
     reach = Sky(dark, 0.0, spread).reach
-    within, beyond = (
-        np.count_nonzero((ordered > dark + k * reach) & (ordered <= dark + (k + 1) * reach)) for k in (0, 1)
-    )
+    within, beyond = np.diff([np.count_nonzero(ordered <= dark + k * reach) for k in (0, 1, 2)])
     darker = np.count_nonzero(ordered < dark - reach)
     # A surface of changing brightness has about as many blocks just above the sky's reach as within, here a quarter of them at
     # most. Dead lines are few, and nothing is darker than no light.

@@ -93,10 +93,8 @@ def _falloff(pictures: np.ndarray, flat: np.ndarray, black: float, corner: tuple
     blocks = cut(pictures)
     light = np.maximum(blocks.mean((2, 4)) - black, 1.0)
     # Relative change per pixel, of which 3 % still count as shading.
-    slopes = [
-        np.clip(np.tensordot(blocks.sum(summed), _RAMP, ([side], [0])) / light, -0.03, 0.03)
-        for summed, side in ((4, 2), (2, 3))
-    ]
+    ramps = [np.tensordot(blocks.sum(summed), _RAMP, ([side], [0])) for summed, side in ((4, 2), (2, 3))]
+    slopes = [np.clip(ramp / light, -0.03, 0.03) for ramp in ramps]
     half = np.hypot(*size) / 2
     middles = [np.arange(n) * SIDE + SIDE / 2 for n in light.shape[1:]]
     y, x = ((middles[k] + corner[k] - size[k] / 2) / half for k in (0, 1))

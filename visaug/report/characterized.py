@@ -14,12 +14,8 @@ if TYPE_CHECKING:
     from visaug.characterization import Characterization
     from visaug.frames import FrameSet
 
-FACTS = (
-    ("gain_e_per_dn", "gain"),
-    ("read_noise.sigma_e", "read noise"),
-    ("quantum_efficiency", "quantum efficiency"),
-    ("emva.saturation_e", "saturation"),
-)
+FACTS = (("gain_e_per_dn", "gain"), ("read_noise.sigma_e", "read noise"),
+         ("quantum_efficiency", "quantum efficiency"), ("emva.saturation_e", "saturation"))  # fmt: skip
 
 
 def write_characterization(
@@ -38,10 +34,8 @@ def write_characterization(
     content = result.to_json()
     pictured = frames.is_pictures
     inputs = replace(Inputs.of(camera, frames, camera_file), transfer=result.transfer or "linear")
-    pictures = [
-        figure(drawn, CAPTIONS.get(name, name.replace("_", " ")), wide=drawn.get_figwidth() > 8)
-        for name, drawn in result.plots().items()
-    ]
+    plots = result.plots().items()
+    pictures = [figure(drawn, CAPTIONS[name], wide=drawn.get_figwidth() > 8) for name, drawn in plots]
     found: list[Block] = []
     if headline := characterization_headline(content, camera_file.name if camera_file else None):
         found.append(Text(headline, "finding"))

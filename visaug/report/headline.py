@@ -62,10 +62,8 @@ WHERE_HEAD = ["view", "share of the misfit", "worst statistic", "standard deviat
 
 def where_rows(where: list[dict[str, Any]]) -> list[list[str]]:
     """Where model and frames differ, the ten largest shares, under `WHERE_HEAD`."""
-    return [
-        [view_title(w["view"]), share_text(w["share"]), statistic_text(w["worst"]), deviation_text(w["z"])]
-        for w in where[:10]
-    ]
+    texts = {"view": view_title, "share": share_text, "worst": statistic_text, "z": deviation_text}
+    return [[text(w[key]) for key, text in texts.items()] for w in where[:10]]
 
 
 def where_captions(where: list[dict[str, Any]]) -> dict[str, str]:
@@ -134,9 +132,8 @@ def diagnosis_details(content: Content) -> list[str]:
             "what is named resembles it, or explains a small part of it by chance."
         )
     for group in content["ambiguous"]:
-        lines.append(
-            f"These frames cannot tell apart: {', '.join(group['effects'])}. To separate them: {group['measure']}."
-        )
+        advice = f"To separate them: {group['measure']}."
+        lines.append(f"These frames cannot tell apart: {', '.join(group['effects'])}. {advice}")
     if content.get("form"):
         lines.append(content["form"])
     if content["unexplained"] and content["accepted"]:

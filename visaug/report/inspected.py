@@ -18,10 +18,8 @@ _KINDS = {"fixed": "fixed", "per_frame": "new in each frame", None: "–"}
 
 def write_inspection(path: str | Path, result: "Inspection") -> Path:
     """What patterns the frames have, what they cannot tell, and the command that follows."""
-    blocks: list[Block] = [
-        Text(f"{result.answer[:1].upper()}{result.answer[1:]}.", "finding"),
-        Text(" ".join(measured_texts(result))),
-    ]
+    answer = Text(f"{result.answer[:1].upper()}{result.answer[1:]}.", "finding")
+    blocks: list[Block] = [answer, Text(" ".join(measured_texts(result)))]
     if rows := [finding_row(f) for f in result.findings]:
         blocks.append(Table(FINDING_HEAD, rows, caption="In the order of their evidence."))
     blocks.append(next_text(next_step(result)))
@@ -47,12 +45,9 @@ def write_inspection(path: str | Path, result: "Inspection") -> Path:
 
 def next_step(result: "Inspection") -> NextStep:
     """The command that follows."""
-    measures = " characterize " in result.next_command
-    aim = (
-        "measure the camera's parameters"
-        if measures
-        else "write the table of the frames, which the measuring commands need"
-    )
+    aim = "write the table of the frames, which the measuring commands need"
+    if " characterize " in result.next_command:
+        aim = "measure the camera's parameters"
     return NextStep(f"Next: {aim}.", result.next_command)
 
 

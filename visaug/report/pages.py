@@ -43,9 +43,8 @@ def write_comparison(
     worst = list(dict.fromkeys(place["view"] for place in content["where"]))
     others = [name for name in all_views() if name not in worst]
     fits = content["fits"]
-    pictures = gallery.pictures(
-        [*worst, *others], headline.where_captions(content["where"]), _worst_frames(content["where"])
-    )
+    captions = headline.where_captions(content["where"])
+    pictures = gallery.pictures([*worst, *others], captions, _worst_frames(content["where"]))
 
     def drawn(names: list[str]) -> list[Block]:
         return [pictures[name] for name in names if name in pictures]
@@ -215,11 +214,8 @@ def where_table(where: list[dict[str, Any]]) -> Table:
 
 def _accepted_table(content: dict[str, Any]) -> Table:
     parameters = {entry["effect"]: entry.get("parameters") or {} for entry in content["ranking"]}
-    rows = [
-        [effect, key, headline.entry_text(e, ""), unit_text(e.get("unit", ""))]
-        for effect in content["accepted"]
-        for key, e in parameters.get(effect, {}).items()
-    ]
+    fitted = [(name, key, e) for name in content["accepted"] for key, e in parameters.get(name, {}).items()]
+    rows = [[name, key, headline.entry_text(e, ""), unit_text(e.get("unit", ""))] for name, key, e in fitted]
     return Table(["effect", "parameter", "value [95 % interval]", "unit"], rows, caption="Fitted parameters.")
 
 
