@@ -97,13 +97,9 @@ def _without_copies(frames: FrameSet, facts: list[Facts], found: Findings) -> tu
     Equal sums over the four places of a 2 x 2, equal extremes and equal noise are a copy; a camera whose frames are mostly alike
     has no noise, and stays as it is.
     """
-    seen: set[tuple] = set()
-    kept = []
-    for i, (record, f) in enumerate(zip(frames.records, facts)):
-        key = (record.kind, f.mean, f.noise, f.largest, f.bits, f.phases)
-        if f.noise == 0 or key not in seen:
-            kept.append(i)
-        seen.add(key)
+    looks = [(r.kind, f.mean, f.noise, f.largest, f.bits, f.phases) for r, f in zip(frames.records, facts)]
+    first = {look: i for i, look in reversed([*enumerate(looks)])}
+    kept = [i for i, look in enumerate(looks) if facts[i].noise == 0 or first[look] == i]
     if len(kept) == len(frames) or 2 * len(kept) < len(frames):
         return frames, facts
     copies = sorted({r.sequence for r in frames.records} - {frames.records[i].sequence for i in kept})

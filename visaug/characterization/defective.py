@@ -138,11 +138,9 @@ def lit_window(frames: FrameSet, seen: Extremes, found: Findings) -> tuple[int, 
 
 def _line_levels(frames: FrameSet, indices: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     """Means over frames of the medians of rows, (H,), and of columns, (W,)."""
-    rows, columns = [], []
-    for frame in map(frames.read, indices):
-        rows.append(np.median(frame, 1))
-        columns.append(np.median(frame, 0))
-    return np.array(rows, np.float64).mean(0), np.array(columns, np.float64).mean(0)
+    medians = [(np.median(frame, 1), np.median(frame, 0)) for frame in map(frames.read, indices)]
+    rows, columns = (np.array(lines, np.float64).mean(0) for lines in zip(*medians))
+    return rows, columns
 
 
 def _covered(response: np.ndarray) -> int:

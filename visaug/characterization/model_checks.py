@@ -28,25 +28,18 @@ class ModelCheck:
 CHECKS = (
     ModelCheck("every pixel answers to light", 0.001, ("stuck_pixels", "overscan")),
     ModelCheck("one step of the converter is 1 DN", 0.001, ("code_gaps", "bits_missing")),
-    ModelCheck(
-        "frames of a group differ by noise alone",
-        0.01,
-        ("stale_frame", "cosmic_rays", "lamp_band", "frames_dependent"),
-    ),
+    ModelCheck("frames of a group differ by noise alone", 0.01,
+               ("stale_frame", "cosmic_rays", "lamp_band", "frames_dependent")),
     ModelCheck("the noise of neighbours is independent", 0.005, ("correlated_noise",)),
-    ModelCheck(
-        "variance is proportional to the signal", 0.006, ("photon_transfer_bent", "photon_transfer_scattered")
-    ),
+    ModelCheck("variance is proportional to the signal", 0.006,
+               ("photon_transfer_bent", "photon_transfer_scattered")),
     ModelCheck("all pixels have one gain", 0.002, ("gain_uneven",)),
     ModelCheck("flats are dark frames plus light", 0.001, ("flat_pedestal", "dark_temperature")),
     ModelCheck("dark current grows as silicon's", 0.001, ("dark_current_flat",)),
     ModelCheck("the response is even or white", 0.005, ("periodic_response", "structured_light")),
-    ModelCheck(
-        "headers agree with pixels",
-        0.001,
-        ("mosaic_contradicted", "photons_contradicted", "photons_implausible", "lossy_frames"),
-    ),
-)
+    ModelCheck("headers agree with pixels", 0.001,
+               ("mosaic_contradicted", "photons_contradicted", "photons_implausible", "lossy_frames")),
+)  # fmt: skip
 
 
 def screened(frames: FrameSet, facts: list[Facts], found: Findings) -> tuple[FrameSet, list[Facts]]:

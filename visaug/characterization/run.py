@@ -173,10 +173,9 @@ def _measure(
 
 def _without_light(found: Findings, measured: Measured, seed: int) -> None:
     if (frames := measured.still) is None:
-        for name in ("black_level_dn", "read_noise.sigma_e", "read_noise.shape"):
+        parts = [f"dsnu.{part}_e" for part in PARTS]
+        for name in ("black_level_dn", "read_noise.sigma_e", "read_noise.shape", *parts):
             found.miss(name, still.NEEDS_STILL)
-        for part in PARTS:
-            found.miss(f"dsnu.{part}_e", still.NEEDS_STILL)
         dark.dark_law(found, measured)
         return
     coarse_steps = found.step_dn > 1 and not still.tells(frames)

@@ -89,11 +89,8 @@ def _noise_in_dn(found: Findings, pictures: PictureSet, levels: Levels, rounding
         return np.array([typical, *line])
 
     value, spread, degrees = jackknife(figures, len(pictures))
-    units = (
-        ("image.noise_dn", "DN", scale),
-        ("image.noise_slope_dn", "DN", scale),
-        ("image.noise_floor_dn2", "DN^2", scale**2),
-    )
+    units = (("image.noise_dn", "DN", scale), ("image.noise_slope_dn", "DN", scale),
+             ("image.noise_floor_dn2", "DN^2", scale**2))  # fmt: skip
     for k, (name, unit, factor) in enumerate(units):
         if np.isfinite(value[k]):
             half = t_quantile(degrees) * spread[k] if np.isfinite(spread[k]) else math.inf

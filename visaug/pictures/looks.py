@@ -177,17 +177,12 @@ def _areas(pictures: np.ndarray, _: Regions) -> tuple[np.ndarray, np.ndarray]:
 LOOKS = (
     Look("black_level", "level of the black sky", "DN", _black),
     Look("saturation", "code at which pixels saturate", "DN", _saturation),
-    Look(
-        "noise_spectrum",
-        "fine noise over coarse noise",
-        "1",
-        _noise_ratio(_FINE, _COARSE),
-        texture_share(_COARSE),
-    ),
+    Look("noise_spectrum", "fine noise over coarse noise", "1",
+         _noise_ratio(_FINE, _COARSE), texture_share(_COARSE)),
     Look("noise_spectrum", "noise along rows over noise along columns", "1", _noise_ratio(_ACROSS, _DOWN)),
     Look("blocking", "steps at the borders of 8 x 8 blocks over steps within", "1", _blocking),
     Look("edges", "slope of the sharpest edges over their height", "1/px", _sharpness, content=TILTED),
     *(Look("halo", f"light scattered over {width} px", "share", _halo(width)) for width in (4, 12)),
     Look("streaks", "light along columns less along rows", "share", _streak),
     Look("streaks", "saturated areas along columns less along rows", "share", _areas),
-)
+)  # fmt: skip

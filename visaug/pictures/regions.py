@@ -106,9 +106,8 @@ def _sky(coefficients: np.ndarray, level: np.ndarray) -> tuple[float | None, flo
     if dark.mean() < 0.05 or spread > _MOST_DN:
         return None, 0.0
     low, high = (float(np.median((coefficients[dark][:, which] ** 2).mean(1))) for which in (CHOICE, NOISE))
-    if high == 0 or low > 1.5 * high + 0.1:  # all of one code, or with structure
-        return None, 0.0
-    return middle, spread
+    is_none = high == 0 or low > 1.5 * high + 0.1  # all of one code, or with structure
+    return (None, 0.0) if is_none else (middle, spread)
 
 
 def _level_at(level: np.ndarray, sky: float, spread: float) -> np.ndarray:

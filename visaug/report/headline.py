@@ -118,7 +118,8 @@ def diagnosis_details(content: Content) -> list[str]:
     error, fits = content["error"], content["fits"]
     lines = [f"Mistake in the camera file: {m['text']}" for m in content.get("camera_file", ())]
     if error["before"] is not None and content["accepted"]:
-        after = with_interval(error["after"], *(error["interval_after"] or (None, None)))
+        low, high = error["interval_after"] or (None, None)
+        after = with_interval(error["after"], low, high)
         lines.append(
             f"Error on hold-out frames: {error['before']:.2g} with the camera file, {after} "
             "with the added effects. 0 is as good as a second camera of the same type."
@@ -155,7 +156,8 @@ def diagnosis_facts(content: Content) -> list[tuple[str, str]]:
         if entry.get("probability") is not None:
             facts.append((probability_text(entry["probability"]), f"probability of {name} {AMONG}"))
     if error["before"] is not None:
-        after = with_interval(error["after"], *(error["interval_after"] or (None, None)))
+        low, high = error["interval_after"] or (None, None)
+        after = with_interval(error["after"], low, high)
         facts.append((f"{error['before']:.2g} → {after}", "error before and after"))
     return facts
 

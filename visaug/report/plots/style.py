@@ -54,7 +54,7 @@ def plain(text: str) -> str:
     return text.replace("$", r"\$")
 
 
-def blank(width: float, height: float, layout: str = "constrained", **options: Any) -> "Figure":
+def blank(width: float, height: float, layout: Any = "constrained", **options: Any) -> "Figure":
     """An empty figure (inches) that belongs to no window; axes find their place by themselves."""
     with extra():
         from matplotlib.backends.backend_agg import FigureCanvasAgg
