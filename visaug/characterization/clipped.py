@@ -228,11 +228,9 @@ def locations(
     means: np.ndarray, errors: np.ndarray, fit: RoundedFit, pixel_var: float, across: np.ndarray
 ) -> LineLocations:
     """Locations of columns (rows) whose cut mean is as measured.
-
-    Args:
-        means, errors: mean of each column and its standard error, DN.
-        pixel_var: variance of the pixels' own locations, DN^2.
-        across: locations of the rows, over which a column's mean runs: as they are, for few follow no law.
+    `means`, `errors`: mean of each column and its standard error, DN.
+    `pixel_var`: variance of the pixels' own locations, DN^2.
+    `across`: locations of the rows, over which a column's mean runs: as they are, for few follow no law.
     """
     x, cut = cut_mean(fit, pixel_var)
     offsets = across - across.mean()

@@ -35,11 +35,7 @@ class Facts:
 
 
 def look(frames: FrameSet) -> list[Facts]:
-    """Facts of every frame, in one pass that holds one frame.
-
-    Raises:
-        InputError: frames of different sizes that state no window.
-    """
+    """Facts of every frame, in one pass that holds one frame; InputError where sizes differ and no window is stated."""
     found: list[Facts] = []
     first: tuple[tuple[int, ...], str] | None = None
     for i, record in enumerate(frames.records):

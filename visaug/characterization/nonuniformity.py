@@ -31,14 +31,11 @@ class Parts:
 
 def parts(pattern: np.ndarray, noise: Sequence[tuple[float, GroupMoments]], detrend: bool = False) -> Parts:
     """Row, column and pixel variance of a map, the temporal noise that is left in it taken off.
-
     Two-way analysis of variance: with rows R, columns C and pixels P independent, the mean squares expect
     W s_R^2 + s_P^2, H s_C^2 + s_P^2 and s_P^2, each plus its own share of the temporal noise.
-
-    Args:
-        pattern: (H, W) map.
-        noise: what is left of temporal noise: (factor, moments), the variance of a frame's noise times factor.
-        detrend: take out a surface of second order first (light falls off smoothly; a pattern is white).
+    `pattern`: (H, W) map.
+    `noise`: what is left of temporal noise: (factor, moments), the variance of a frame's noise times factor.
+    `detrend`: take out a surface of second order first (light falls off smoothly; a pattern is white).
     """
     height, width = pattern.shape
     row_df, column_df, lost = height - 1, width - 1, 0

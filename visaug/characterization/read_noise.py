@@ -148,10 +148,8 @@ def _sandwich(p: np.ndarray, histogram: np.ndarray, log_probabilities) -> tuple[
 @dataclass(frozen=True)
 class PixelNoiseSpread:
     """Spread of the pixels' own read noise: standard deviation of log sigma, and a map.
-
-    Attributes:
-        variance: of log sigma, and its standard error; it may be negative by chance.
-        deviation_dn: (H, W) standard deviation of every pixel, rounding taken off, DN.
+    `variance`: of log sigma, and its standard error; it may be negative by chance.
+    `deviation_dn`: (H, W) standard deviation of every pixel, rounding taken off, DN.
     """
 
     variance: tuple[float, float]

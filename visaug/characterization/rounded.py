@@ -43,10 +43,8 @@ class CodeHistograms:
 @dataclass(frozen=True)
 class RoundedFit:
     """Log sigma (DN), shape (nan: normal noise), shift of the locations (DN), log of their spread (DN).
-
-    Attributes:
-        covariance: (4, 4) of the four, from sums over rows and columns; 0 where a parameter is fixed.
-        dependence: variance of log sigma over that of independent pixels.
+    `covariance`: (4, 4) of the four, from sums over rows and columns; 0 where a parameter is fixed.
+    `dependence`: variance of log sigma over that of independent pixels.
     """
 
     log_sigma: float

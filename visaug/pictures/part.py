@@ -261,16 +261,7 @@ class PicturePart:
 def picture_part(
     frames: FrameSet, camera: Camera, transfer: str, scenes: FrameSet | None, warn: Callable[[str], object]
 ) -> tuple[PicturePart, Selection]:
-    """The pictures of a set as a part, and which of them and what window are used.
-
-    Args:
-        camera: supplies the level at which its pictures saturate, and what is not measured.
-        transfer: how picture values follow from light, linear or srgb.
-        scenes: other pictures with such scenes, whose symmetries take the place of zero.
-
-    Raises:
-        InputError: too few pictures, or none with a black sky or flat regions.
-    """
+    """The pictures of a set as a part, and which of them and what window are used; arguments and errors as of `scenes_of`."""
     own, taken, used = scenes_of(frames, camera, transfer, scenes, warn)
     dn = (2**camera.bit_depth - 1) / 255
     return PicturePart(own, taken, used.size, dn, camera.spec.exposure_s).compared_with(camera), used

@@ -12,21 +12,8 @@ import numpy as np
 from scipy import fft, ndimage
 
 from visaug.core.constants import MAD
-from visaug.pictures.blocks import (
-    CHOICE,
-    EDGE,
-    NOISE,
-    SIDE,
-    Blocks,
-    Levels,
-    Rounding,
-    U,
-    V,
-    blocks_of,
-    cut,
-    is_flat,
-    noise_by_level,
-)
+from visaug.pictures import blocks
+from visaug.pictures.blocks import EDGE, SIDE, Levels, Rounding, U, V, blocks_of, cut, is_flat
 
 _FAR = 4.0  # robust standard deviations of the sky's blocks
 _MOST_DN = 15.0  # of the sky's spread: more is no sky
@@ -83,8 +70,8 @@ def find_regions(
     dark = ndimage.binary_erosion(near, np.ones((1, 3, 3), bool), border_value=1)
     lit = usable & ~near & (level > 3 + (sky or 0))
     number = np.broadcast_to(np.arange(len(pictures))[:, None, None], level.shape)
-    blocks = Blocks(coefficients[lit], level[lit], number[lit], level[lit])
-    levels = noise_by_level(blocks, rounding, len(pictures))
+    chosen = blocks.Blocks(coefficients[lit], level[lit], number[lit], level[lit])
+    levels = blocks.noise_by_level(chosen, rounding, len(pictures))
     lit &= _without_structure(coefficients, level, lit, levels, rounding)
     return _by_level(dark, lit, level, sky)
 
@@ -105,7 +92,8 @@ def _sky(coefficients: np.ndarray, level: np.ndarray) -> tuple[float | None, flo
     dark = level <= limit
     if dark.mean() < 0.05 or spread > _MOST_DN:
         return None, 0.0
-    low, high = (float(np.median((coefficients[dark][:, which] ** 2).mean(1))) for which in (CHOICE, NOISE))
+    power = coefficients[dark] ** 2
+    low, high = (float(np.median(power[:, which].mean(1))) for which in (blocks.CHOICE, blocks.NOISE))
     is_none = high == 0 or low > 1.5 * high + 0.1  # all of one code, or with structure
     return (None, 0.0) if is_none else (middle, spread)
 
@@ -157,20 +145,20 @@ def dark_residuals(pictures: np.ndarray, dark: np.ndarray) -> np.ndarray:
 
 def lit_residuals(pictures: np.ndarray, regions: Regions) -> list[np.ndarray]:
     """For each class, pictures (n, H, W) of its level with the fine structure of its blocks; the level elsewhere."""
-    blocks = cut(pictures).transpose(0, 1, 3, 2, 4)
+    parts = cut(pictures).transpose(0, 1, 3, 2, 4)
     found = []
     for k, level in enumerate(regions.levels):
         here = regions.lit == k
-        fine = np.zeros(blocks.shape, np.float32)
-        fine[here] = (blocks[here].reshape(-1, SIDE * SIDE) @ _FINE).reshape(-1, SIDE, SIDE)
+        fine = np.zeros(parts.shape, np.float32)
+        fine[here] = (parts[here].reshape(-1, SIDE * SIDE) @ _FINE).reshape(-1, SIDE, SIDE)
         fine = fine.transpose(0, 1, 3, 2, 4).reshape(pictures.shape)
         found.append(_as_if_everywhere(fine, here) + np.float32(level))
     return found
 
 
-def as_pixels(blocks: np.ndarray) -> np.ndarray:
+def as_pixels(values: np.ndarray) -> np.ndarray:
     """What blocks (n, R, C) have, for each of their pixels: (n, H, W)."""
-    return blocks.repeat(SIDE, 1).repeat(SIDE, 2)
+    return values.repeat(SIDE, 1).repeat(SIDE, 2)
 
 
 def _as_if_everywhere(left: np.ndarray, where: np.ndarray) -> np.ndarray:

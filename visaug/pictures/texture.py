@@ -20,11 +20,9 @@ _EDGES = np.concatenate([[0.0], 0.01 * _RATIO ** (3 * np.arange(85)), [np.inf]])
 @dataclass(frozen=True)
 class Texture:
     """Texture in the flat blocks of each level.
-
-    Attributes:
-        power: (levels,) at low coefficients, over the noise.
-        share: of it that high coefficients hold, and so the noise that is measured.
-        error: standard error of the share.
+    `power`: (levels,) at low coefficients, over the noise.
+    `share`: of it that high coefficients hold, and so the noise that is measured.
+    `error`: standard error of the share.
     """
 
     power: np.ndarray

@@ -155,11 +155,9 @@ STARTED = time.monotonic()
 
 def footer(camera: "Camera | None", frames: "FrameSet | None", seed: int | None = None) -> str:
     """Date, version, command, seed, inputs with hashes, and the time since the program started.
-
-    Args:
-        camera: the camera file that was used.
-        frames: the frames that were used; the hash covers their table, not their pixels.
-        seed: of the simulations.
+    `camera`: the camera file that was used.
+    `frames`: the frames that were used; the hash covers their table, not their pixels.
+    `seed`: of the simulations.
     """
     from visaug import __version__
 

@@ -13,12 +13,9 @@ if TYPE_CHECKING:
 
 def plot_preview(title: str, given: "np.ndarray", samples: Sequence[NoiseSample]) -> "Figure":
     """Crops at 1:1, a part of each at 4x, and the noise's standard deviation at five levels.
-
-    Args:
-        title: of the sheet.
-        given: crop of the picture as it is, (H, W, 3) uint8.
-        samples: the same crop by camera.
-
+    `title`: of the sheet.
+    `given`: crop of the picture as it is, (H, W, 3) uint8.
+    `samples`: the same crop by camera.
     To be saved at the figure's own resolution (`figure.dpi`), so that a pixel of the picture is one of the sheet.
     """
     dpi = 100

@@ -23,12 +23,10 @@ def plot_view(
     measured: "ViewPlot", modelled: "ViewPlot | None" = None, focus: str = "", after: "ViewPlot | None" = None
 ) -> "Figure":
     """What a view shows of the measured frames and, if given, of the modelled ones, in the same axes.
-
-    Args:
-        measured, modelled: the same view of both frame sets.
-        after: the same of the corrected camera; `modelled` is then the camera as given.
-        focus: words of the statistic that differs most. Where curves have very different ranges each gets axes of its own, that of
-            these words first.
+    `measured`, `modelled`: the same view of both frame sets.
+    `after`: the same of the corrected camera; `modelled` is then the camera as given.
+    `focus`: words of the statistic that differs most. Where curves have very different ranges each gets axes of its own, that of
+    these words first.
     """
     if measured.maps:
         return _plot_maps(measured, modelled, after)
