@@ -102,24 +102,19 @@ def surface(values: np.ndarray) -> np.ndarray:
     return (weights @ basis).reshape(values.shape)
 
 
-def release_4(
-    measured: GroupMoments,
-    total_noise: float | None = None,
-    column_noise: float | None = None,
-    row_noise: float | None = None,
-) -> dict[str, float]:
+def release_4(measured: GroupMoments, noise: tuple[float, float, float] | None = None) -> dict[str, float]:
     """Spatial variances of a stack by EMVA 1288 release 4, DN^2 (may be negative).
-    `total_noise`, `column_noise`, `row_noise`: temporal variance that is left in the mean of the pixels, of the column
-    means and of the row means; by default that of white noise, as the standard has it.
+    `noise`: temporal variance that is left in the mean of the pixels, of the column means and of the row means; by default
+    that of white noise, as the standard has it.
     """
     height, width = measured.shape
     # The standard divides by the number of rows or columns; with noise as measured the estimate is unbiased instead.
-    lost = 0 if column_noise is None and row_noise is None else 1
-    noise = float(measured.row_variances.mean()) / measured.n
-    total = measured.spatial_variance - (noise if total_noise is None else total_noise)
-    columns = float(measured.column_means.var(ddof=lost))
-    columns -= noise / height if column_noise is None else column_noise
-    rows = float(measured.row_means.var(ddof=lost)) - (noise / width if row_noise is None else row_noise)
+    lost = 0 if noise is None else 1
+    white = float(measured.row_variances.mean()) / measured.n
+    of_pixels, of_columns, of_rows = noise or (white, white / height, white / width)
+    total = measured.spatial_variance - of_pixels
+    columns = float(measured.column_means.var(ddof=lost)) - of_columns
+    rows = float(measured.row_means.var(ddof=lost)) - of_rows
     size = height * width
     rest = size - height - width
     return {
@@ -150,7 +145,7 @@ def corrected_split(m: GroupMoments) -> dict[str, float]:
         steady = means - means.mean(1, keepdims=True)
         return float(steady.var(axis=0, ddof=1).mean()) / m.n
 
-    return release_4(m, m.variance / m.n, noise(m.columns_by_frame), noise(m.rows_by_frame))
+    return release_4(m, (m.variance / m.n, noise(m.columns_by_frame), noise(m.rows_by_frame)))
 
 
 def tile(pattern: np.ndarray) -> np.ndarray | None:

@@ -1,7 +1,6 @@
 """Operating points: settings, filters and colours that a data sheet treats one by one."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +9,7 @@ from visaug.characterization.alike import KINDS
 from visaug.characterization.result import Characterization
 from visaug.characterization.run import characterize
 from visaug.characterization.views import colour_plane
+from visaug.core.progress import Progress
 from visaug.frames import FrameRecord, FrameSet
 
 
@@ -31,10 +31,7 @@ class OperatingPoint:
 
 
 def operating_points(
-    frames: FrameSet,
-    camera: Camera | None = None,
-    seed: int = 0,
-    progress: Callable[[str, int, int], None] | None = None,
+    frames: FrameSet, camera: Camera | None = None, seed: int = 0, progress: Progress | None = None
 ) -> list[OperatingPoint]:
     """Characterize every operating point of a set by itself.
     Flats part by gain in dB, setting and filter; dark frames belong to the points of their gain and setting. Where

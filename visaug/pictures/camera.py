@@ -152,7 +152,7 @@ def _camera(
     _add_tone(found, readings)
     _add_curve(found, pictures, readings, sky)
     add_patterns(found, pictures, best, pattern, sky)
-    add_processing(found, pictures, blocks, levels, rounding, texture)
+    add_processing(found, blocks, levels, rounding, texture)
     found.warn(
         "pictures_alone: the camera is an effective one: it gives these pictures' noise, whatever made it (sensor, "
         "compression, denoising); bias, dark and flat frames would tell the parts"

@@ -72,16 +72,11 @@ def _root(part: VariancePart, factor: float) -> Interval:
 
 
 def add_processing(
-    found: Findings,
-    pictures: PictureSet,
-    blocks: Blocks,
-    levels: Levels,
-    rounding: Rounding,
-    texture: Texture,
+    found: Findings, blocks: Blocks, levels: Levels, rounding: Rounding, texture: Texture
 ) -> None:
     """JPEG quality from the file; spectrum of the noise."""
-    if pictures.is_jpeg:
-        quality = quality_of(pictures.steps)
+    if rounding.is_jpeg:
+        quality = quality_of(rounding.steps)
         add(found, "jpeg.quality", quality, "1", "the file's own table; compressed once")
         found.effects.append({"name": "jpeg", "quality": round(quality[0]), "chroma": "full"})
         return

@@ -32,6 +32,7 @@ def write_characterization(
         camera: that was given beside the frames.
     """
     content = result.to_json()
+    known = content["parameters"]
     pictured = frames.is_pictures
     inputs = replace(Inputs.of(camera, frames, camera_file), transfer=result.transfer or "linear")
     plots = result.plots().items()
@@ -39,15 +40,15 @@ def write_characterization(
     found: list[Block] = []
     if headline := characterization_headline(content, camera_file.name if camera_file else None):
         found.append(Text(headline, "finding"))
-    if not pictured or "gain_e_per_dn" in content["parameters"]:  # else there is no camera to write
+    if not pictured or "gain_e_per_dn" in known:  # else there is no camera to write
         step = after_characterization(inputs, pictured, result.has_gain, result.base is not None)
         found.append(next_text(step))
-    tables = _parameter_tables(content["parameters"])
+    tables = _parameter_tables(known)
     blocks: list[Block] = [*tables[:1]]
     if rows := [[entry["parameter"], entry["needs"]] for entry in content["not_determined"]]:
         blocks.append(Table(["not determined", "needs"], rows, caption="Not determined by these frames."))
     blocks += [Text(warning, "note") for warning in content["warnings"]]
-    if rows := [[name, e["assumes"]] for name, e in content["parameters"].items() if "assumes" in e]:
+    if rows := [[name, e["assumes"]] for name, e in known.items() if "assumes" in e]:
         blocks.append(Table(["parameter", "assumes"], rows, caption="What the figures assume."))
     sections = [
         Section("What was found", [*found, *pictures[:2]]),
@@ -59,11 +60,7 @@ def write_characterization(
         "Camera characterization",
         f"What {described(frames)} tell of the camera that took them. Every interval is 95 %.",
         [section for section in sections if section.blocks],
-        facts=[
-            (entry_text(content["parameters"][key]), name)
-            for key, name in FACTS
-            if key in content["parameters"]
-        ],
+        facts=[(entry_text(known[key]), name) for key, name in FACTS if key in known],
         footer=footer(None, frames),
     )
     return write_page(path, page)

@@ -59,21 +59,18 @@ def write_comparison(
         Section("The other views" if worst else "Views", drawn(others)),
         used_section(content),
     ]
+    facts = [
+        ("yes" if fits["adequate_before"] else "no", "does the camera explain the frames?"),
+        (p_text(fits["p_value_before"]), "probability of such a difference by chance"),
+    ]
+    for w in content["where"][:1]:
+        size = f"{deviation_text(abs(w['z']))} standard deviations"
+        facts.append((size, f"largest difference: {statistic_text(w['worst'])}"))
     page = Page(
         "Model and measurement",
         f"{described(frames)} beside the same frames simulated with {camera.name}.",
         [section for section in sections if section.blocks],
-        facts=[
-            ("yes" if fits["adequate_before"] else "no", "does the camera explain the frames?"),
-            (p_text(fits["p_value_before"]), "probability of such a difference by chance"),
-            *(
-                (
-                    f"{deviation_text(abs(w['z']))} standard deviations",
-                    f"largest difference: {statistic_text(w['worst'])}",
-                )
-                for w in content["where"][:1]
-            ),
-        ],
+        facts=facts,
         footer=footer(camera, frames, seed),
     )
     folder = _pictures_folder(write_page(path, page))
