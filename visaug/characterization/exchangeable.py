@@ -33,7 +33,6 @@ class Dependence:
 
 
 def check(measured: Measured, found: Findings) -> None:
-    """Warns where the noise of frames of one group is not independent."""
     groups = [m for m in measured.moments if m.n > 2 and min(m.shape) > 3 and not m.clipped_high]
     tested, variances = [], []
     for m in groups:

@@ -59,8 +59,7 @@ def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTran
     """
     if not (levels := tuple(levels)):
         return None
-    saturation = saturated_level(levels)
-    safe = safe_levels(levels, saturation, dark_tells)
+    safe = safe_levels(levels, saturated_level(levels), dark_tells)
     if len(safe) < (1 if dark_tells else 2):
         return None
     chosen = [levels[i] for i in safe]

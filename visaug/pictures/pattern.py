@@ -124,20 +124,19 @@ class _Places:
     """Means over pictures of the coefficients at each place under weights w, which are offsets plus response times light."""
 
     def __init__(self) -> None:
-        self._values, self._offset, self._light = _Halves(), _Halves(), _Halves()
+        self._kept = [_Halves() for _ in range(3)]  # of values, offsets and light
 
     def add(self, half: int, values: np.ndarray, weight: np.ndarray, x: np.ndarray) -> None:
-        self._values.add(half, values * weight[..., None], weight)
-        self._offset.add(half, weight[..., None], weight)
-        self._light.add(half, (weight * x)[..., None], weight)
+        added = values * weight[..., None], weight[..., None], (weight * x)[..., None]
+        for kept, each in zip(self._kept, added):
+            kept.add(half, each, weight)
 
     def products(self) -> tuple[VariancePart, float, float] | None:
         """Mean product of the halves, and how much of it an offset and a response of variance 1 would make."""
-        every = [h.covariance() for h in (self._values, self._offset, self._light)]
-        if any(e is None for e in every):
+        value, offset, light = (kept.covariance() for kept in self._kept)
+        if value is None or offset is None or light is None:
             return None
-        value, offset, light = every
-        return value, offset.variance, light.variance  # type: ignore[union-attr,return-value]
+        return value, offset.variance, light.variance
 
 
 def _dark_and_response(plain: _Places, lit: _Places) -> tuple[VariancePart | None, VariancePart | None]:

@@ -41,7 +41,6 @@ class Regions:
     sky: float | None
 
     def of(self, numbers: np.ndarray) -> "Regions":
-        """Of some of the pictures."""
         return Regions(self.dark[numbers], self.lit[numbers], self.levels, self.sky)
 
     def without_saturated(self, pictures: np.ndarray, saturated: float) -> "Regions":

@@ -105,7 +105,6 @@ def next_text(step: "NextStep") -> Text:
 
 
 def write_page(path: str | Path, page: Page) -> Path:
-    """Write the page whole; returns its path."""
     write_text(path, render(page))
     return Path(path)
 

@@ -44,7 +44,6 @@ def write_inspection(path: str | Path, result: "Inspection") -> Path:
 
 
 def next_step(result: "Inspection") -> NextStep:
-    """The command that follows."""
     aim = "write the table of the frames, which the measuring commands need"
     if " characterize " in result.next_command:
         aim = "measure the camera's parameters"

@@ -129,7 +129,6 @@ def after_comparison(content: Mapping[str, Any], inputs: Inputs) -> NextStep:
 
 
 def after_diagnosis(content: Mapping[str, Any], inputs: Inputs) -> NextStep:
-    """After `visaug diagnose`."""
     if content["fits"]["adequate_before"] and not content.get("camera_file"):
         return NextStep(f"Next: train with this camera. {PICTURES}", inputs.augmenting(inputs.camera))
     interval = content["error"]["interval_after"]

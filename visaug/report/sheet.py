@@ -21,7 +21,6 @@ Row = tuple[str, str, str, float]  # name on the sheet, symbol, key, factor for 
 
 
 def _split(release: str, what: str, symbols: bool = True) -> tuple[Row, ...]:
-    """The parts of a nonuniformity."""
     unit, factor = ("_e", 1) if what == "DSNU" else ("", 100)
     rows = []
     for part, symbol in (("row", "row"), ("column", "col"), ("pixel", "pixel")):

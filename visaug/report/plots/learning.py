@@ -79,7 +79,6 @@ def plot_predictions(
 
 
 def plot_timing(parts: Mapping[str, float]) -> "Figure":
-    """Seconds that each part took."""
     names = list(parts)[::-1]
     with styled():
         figure = blank(8.0, 0.7 + 0.3 * len(names))
