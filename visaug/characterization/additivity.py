@@ -18,15 +18,15 @@ _TELLS = 10.0
 
 @dataclass(frozen=True)
 class VarianceFits:
-    """Chi square of variance against signal with its degrees of freedom: a straight line through the origin, one that bends, and
-    one that is lifted, whose intercept is `lift` of its standard errors from 0 at the signal `origin_dn`.
+    """Of variance against signal: chi square of a straight line through the origin with its degrees of freedom, by how much a line
+    that is lifted has a smaller one than a line that bends (0: too few levels), and its intercept, which is `lift` of its
+    standard errors from 0 at the signal `origin_dn`.
     """
 
     straight: tuple[float, int]
-    bent: tuple[float, int] | None
-    lifted: tuple[float, int] | None
-    lift: float
-    origin_dn: float
+    advantage: float = 0.0
+    lift: float = 0.0
+    origin_dn: float = 0.0
     intercept_dn2: float = 0.0
 
     def of_averages(self, dark_dn2: float) -> bool:
@@ -49,16 +49,12 @@ class VarianceFits:
     @property
     def pedestal(self) -> bool:
         """Whether flats have another black level than the dark frames: lifted, and told from bent."""
-        if self.bent is None or self.lifted is None:
-            return False
-        return self.deviates and self.is_lifted and self.bent[0] - self.lifted[0] > _TELLS
+        return self.is_lifted and self.advantage > _TELLS
 
     @property
     def undecided(self) -> bool:
         """Whether a bend and a pedestal explain the course about equally well."""
-        if self.bent is None or self.lifted is None:
-            return self.deviates
-        return self.deviates and abs(self.bent[0] - self.lifted[0]) <= _TELLS
+        return self.deviates and abs(self.advantage) <= _TELLS
 
 
 def course(levels: Sequence[FlatLevel]) -> VarianceFits:
@@ -76,12 +72,12 @@ def course(levels: Sequence[FlatLevel]) -> VarianceFits:
 
     straight = fit((1,))
     if len(x) < 3:
-        return VarianceFits(straight[:2], None, None, 0.0, 0.0)
+        return VarianceFits(straight[:2])
     bent, lifted = fit((1, 2)), fit((0, 1))
     value, error = lifted[2], lifted[3]
     origin = -value[0] / value[1] if value[1] > 0 else 0.0
     lift, origin, intercept = map(float, (value[0] / error[0], origin, value[0]))
-    return VarianceFits(straight[:2], bent[:2], lifted[:2], lift, origin, intercept)
+    return VarianceFits(straight[:2], bent[0] - lifted[0], lift, origin, intercept)
 
 
 def pedestal(measured: Measured, found: Findings) -> bool:

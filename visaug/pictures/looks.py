@@ -70,12 +70,9 @@ def _black(pictures: np.ndarray, regions: Regions) -> tuple[np.ndarray, np.ndarr
 def _saturation(pictures: np.ndarray, _: Regions) -> tuple[np.ndarray, np.ndarray]:
     """Highest code of pictures in which pixels pile up there."""
     top = pictures.max((1, 2))
-    at, below = (
-        np.count_nonzero(
-            (pictures > (top - k)[:, None, None]) & (pictures <= (top - k + w)[:, None, None]), axis=(1, 2)
-        )
-        for k, w in ((1, 1), (11, 10))
-    )
+    least = [top[:, None, None] - k for k in (1, 11)]
+    reached = [(pictures > b) & (pictures <= b + w) for b, w in zip(least, (1, 10))]
+    at, below = (np.count_nonzero(these, axis=(1, 2)) for these in reached)
     told = (at >= 20) & (at > 5.0 * below / 10)  # five times as many at the highest code as at those below
     return np.where(told, top, 0.0), told.astype(float)
 

@@ -106,13 +106,10 @@ def _groups(
     """Number of the level, mean texture, variance of the high coefficients and number of blocks of groups of like texture."""
     chosen = np.flatnonzero(texture < 4.0)  # blocks beyond hold edges, whose spectrum is another
     chosen = chosen[np.argsort(texture[chosen], kind="stable")]
-    parts = np.array_split(chosen, max(min(6, len(chosen) // 8), 1))
+    parts = [p for p in np.array_split(chosen, max(min(6, len(chosen) // 8), 1)) if len(p)]
     counts = rounding.counts()
-    return [
-        (number, float(texture[p].mean()), rounding.variance(sums[p].sum(0), counts * len(p)), len(p))
-        for p in parts
-        if len(p)
-    ]
+    noise = [rounding.variance(sums[p].sum(0), counts * len(p)) for p in parts]
+    return [(number, float(texture[p].mean()), v, len(p)) for p, v in zip(parts, noise)]
 
 
 def _line(groups: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, float, float]:
