@@ -9,8 +9,7 @@ import torch
 import visaug
 from visaug.report.html import Figure, Page, Section, Table, Text, figure, footer, write_page
 from visaug.report.noise import components
-from visaug.report.plots.images import plot_components, plot_images
-from visaug.report.plots.learning import plot_timing, plot_training
+from visaug.report.plots.learning import plot_components, plot_images, plot_timing, plot_training
 from visaug_train.plots import plot_dependence, plot_gallery
 from visaug_train.reduction import read_pixels
 from visaug_train.results import Ablation

@@ -26,7 +26,7 @@ from visaug.frames import FrameRecord, FrameSet
 from visaug.frames.plan import default_plan
 from visaug.report.html import Figure, Section, Table, Text, figure
 from visaug.report.plots.error import plot_error_steps
-from visaug.report.plots.images import plot_images
+from visaug.report.plots.learning import plot_images
 from visaug_train import tables
 from visaug_train.config import Arm, Config
 from visaug_train.convert import identity

@@ -18,7 +18,7 @@ from visaug.core.errors import InputError
 from visaug.core.files import write_json
 from visaug.core.progress import Progress
 from visaug.report.html import Figure, Section, Table, Text, figure
-from visaug.report.plots.images import plot_images
+from visaug.report.plots.learning import plot_images
 from visaug_train import tables
 from visaug_train.config import Config, MadeCamera, Source
 from visaug_train.noise import vis_noise
