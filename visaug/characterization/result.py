@@ -12,6 +12,8 @@ from scipy import stats
 
 from visaug.camera import Camera
 from visaug.camera.patterns import fit_pattern
+from visaug.characterization import plots
+from visaug.characterization.maps import camera_maps, with_maps
 from visaug.characterization.nonuniformity import two_way
 from visaug.core.errors import InputError
 from visaug.core.files import whole_file
@@ -188,8 +190,6 @@ class Characterization:
         Raises:
             InputError: the gain is neither measured nor given, or the frames show a window of the sensor only.
         """
-        from visaug.characterization.maps import camera_maps, with_maps
-
         if maps is None:
             self.camera.save(path)
             return []
@@ -220,13 +220,9 @@ class Characterization:
 
     def plots(self) -> "dict[str, Figure]":
         """Every figure for which there are curves of more than one point, by name."""
-        from visaug.characterization import plots
-
         return plots.figures(self.curves)
 
     def _plot(self, name: str) -> "Figure":
-        from visaug.characterization import plots
-
         return plots.figure(self.curves, name)
 
     plot_photon_transfer = partialmethod(_plot, "photon_transfer")

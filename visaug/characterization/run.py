@@ -8,7 +8,8 @@ from typing import Literal
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.characterization import additivity, codes, dark, evenness, light, model_checks, still
+from visaug.characterization import additivity, codes, dark, evenness, light, model_checks, paper, still
+from visaug.characterization.clipped import clipped_frames
 from visaug.characterization.conditions import prepared
 from visaug.characterization.emva import emva
 from visaug.characterization.facts import PLACES
@@ -81,9 +82,7 @@ def characterize(
             f"few_frames: frames {first_of(alone, 8)} are single at their settings; temporal noise requires two or more"
         )
     if method == "paper":
-        from visaug.characterization.paper import procedure
-
-        procedure(found, measured, camera)
+        paper.procedure(found, measured, camera)
         return _result(found, camera, measured, method)
     _measure(found, measured, camera, seed, mosaic)
     result = _result(found, camera, measured, method)
@@ -183,8 +182,6 @@ def _without_light(found: Findings, measured: Measured, seed: int) -> None:
         for name in ("read_noise.sigma_e", "read_noise.shape"):
             found.miss(name, codes.NEEDS_WHOLE_STEPS)
     elif not still.tells(frames):
-        from visaug.characterization.clipped import clipped_frames
-
         clipped_frames(found, measured, frames, seed)
         return
     signal = dark.dark_law(found, measured, frames)

@@ -9,11 +9,13 @@ picture to picture (jackknife); pictures are the sample, not pixels.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
+import torch
 from scipy import stats
 
+from visaug.camera import Camera
 from visaug.core.errors import InputError
 from visaug.core.reporting import Reported
 from visaug.frames import FrameRecord, FrameSet
@@ -27,9 +29,6 @@ from visaug.pictures.scenes import chosen_of, read_windows
 from visaug.pictures.sets import find_sky, jackknife
 from visaug.statistics.places import Place, Places, data_frame, verdict_json
 from visaug.statistics.tail import SIGNIFICANT
-
-if TYPE_CHECKING:
-    from visaug.camera import Camera
 
 _COLUMNS = ["view", "statistic", "unit", "measured", "modelled", "standard_deviation", "z"]
 
@@ -81,7 +80,7 @@ class PictureComparison(Reported):
     warnings: tuple[str, ...]
     pictures: tuple[int, int]
     target: FrameSet | None = field(default=None, repr=False, compare=False)
-    camera: "Camera | None" = field(default=None, repr=False, compare=False)
+    camera: Camera | None = field(default=None, repr=False, compare=False)
     transfer: Literal["linear", "srgb"] = "linear"
 
     @property
@@ -120,7 +119,7 @@ class _Set:
 def compare_pictures(
     renders: FrameSet,
     target: FrameSet,
-    camera: "Camera | None" = None,
+    camera: Camera | None = None,
     transfer: Literal["linear", "srgb"] = "linear",
     seed: int = 0,
     progress: Callable[[str, int, int], None] | None = None,
@@ -164,12 +163,8 @@ def compare_pictures(
     return PictureComparison(p, tuple(found), _places(found), curves, said, sizes, target, camera, transfer)
 
 
-def _noisy(
-    pictures: PictureSet, camera: "Camera", transfer: Literal["linear", "srgb"], seed: int
-) -> FrameSet:
+def _noisy(pictures: PictureSet, camera: Camera, transfer: Literal["linear", "srgb"], seed: int) -> FrameSet:
     """8-bit pictures as the camera would have taken them, with one sensor's fixed pattern."""
-    import torch
-
     from visaug.augment import VISNoise
 
     noise = VISNoise(camera, fixed_pattern="camera", transfer=transfer, black_level="keep")
