@@ -85,7 +85,7 @@ def pedestal(measured: Measured, found: Findings) -> bool:
     levels = measured.sweep
     if not levels or found.warned("bits_missing"):  # whole columns then step by more than their noise
         return False
-    chosen = [levels[i] for i in safe_levels(levels, saturated_level(levels))]
+    chosen = [levels[i] for i in safe_levels(levels, saturated_level(levels), dark_tells=True)]
     if not chosen or not (of := course(chosen)).pedestal:
         return False
     averages = of.of_averages(float(np.median([v.dark.variance for v in chosen])))

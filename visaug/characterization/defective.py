@@ -129,9 +129,8 @@ def lit_window(frames: FrameSet, seen: Extremes, found: Findings) -> tuple[int, 
         said += [f"{name} {a} to {b - 1}" for a, b in ((0, first), (last, len(response))) if b > a]
     if not said:
         return None
-    found.warn(
-        f"overscan: {' and '.join(said)} see no light and are excluded; no header gives the part of the frame that is lit"
-    )
+    covered = f"{' and '.join(said)} see no light and are excluded"
+    found.warn(f"overscan: {covered}; no header gives the part of the frame that is lit")
     r0, r1, c0, c1 = window
     return r0, r1, c0, c1
 

@@ -138,9 +138,7 @@ def saturated_level(levels: Sequence[FlatLevel]) -> int | None:
     return top if falls or clips else None
 
 
-def safe_levels(
-    levels: Sequence[FlatLevel], saturation: int | None, dark_tells: bool = True
-) -> tuple[int, ...]:
+def safe_levels(levels: Sequence[FlatLevel], saturation: int | None, dark_tells: bool) -> tuple[int, ...]:
     safe = 0.85  # of saturation: the camera's own gain may use more levels than the standard's fit
     limit = math.inf if saturation is None else safe * levels[saturation].signal
     clear = [v.flat.clipped_high == 0 and v.photons != 0 and 0 < v.signal <= limit for v in levels]

@@ -78,9 +78,8 @@ def characterize(
     ready, mosaic, measured = _read(frames, found, told_bits)
     alone = sorted(measured.frames.records[m.group.indices[0]].sequence for m in measured.moments if m.n == 1)
     if alone:
-        found.warn(
-            f"few_frames: frames {first_of(alone, 8)} are single at their settings; temporal noise requires two or more"
-        )
+        said = f"{first_of(alone, 8)} are single at their settings; temporal noise requires two or more"
+        found.warn(f"few_frames: frames {said}")
     if method == "paper":
         paper.procedure(found, measured, camera)
         return _result(found, camera, measured, method)
@@ -93,11 +92,9 @@ def characterize(
     return replace(result, planes=planes)
 
 
-def _read(
-    frames: FrameSet, found: Findings, told_bits: int | None
-) -> tuple[FrameSet, Mosaic | None, Measured]:
-    """The frames that can be measured together, their mosaic, and their groups."""
-    ready, facts = prepared(frames, found, told_bits)
+def _read(frames: FrameSet, found: Findings, bits: int | None) -> tuple[FrameSet, Mosaic | None, Measured]:
+    """The frames that can be measured together, their mosaic, and their groups; `bits` of the converter as told."""
+    ready, facts = prepared(frames, found, bits)
     ready, facts = model_checks.screened(ready, facts, found)
     return ready, find_mosaic(ready, facts), measure_groups(ready, facts, found.step_dn)
 

@@ -106,10 +106,8 @@ def _camera(
 ) -> tuple[int, int] | None:
     needs, fewest_levels = "flat regions at several levels", 4
     if len(levels.level) < fewest_levels or np.ptp(levels.level) < 20:
-        said = (
-            "one_level: flat regions lie at one level only; without a slope there is no gain, and no camera"
-        )
-        return _no_camera(found, needs, said)
+        said = "flat regions lie at one level only; without a slope there is no gain, and no camera"
+        return _no_camera(found, needs, f"one_level: {said}")
     if sky := find_sky(blocks, levels):
         near = sky.level - sky.reach, sky.level + sky.reach
         levels = noise_by_level(blocks, rounding, len(pictures), near)
@@ -117,9 +115,8 @@ def _camera(
     if pictures.is_jpeg and sky and sky.level < cut * math.sqrt(levels.variance[0]):
         # A decoder cuts what JPEG has moved below 0, so noise there follows no law of the sensor.
         levels, sky = levels.where(levels.level > cut * np.sqrt(levels.variance)), None
-        found.warn(
-            "black_cut_by_jpeg: black lies at code 0 and JPEG cuts its noise again; noise near black is left out"
-        )
+        said = "black lies at code 0 and JPEG cuts its noise again; noise near black is left out"
+        found.warn(f"black_cut_by_jpeg: {said}")
         if len(levels.level) < fewest_levels:
             return _no_camera(found, needs)
     clear, sky = _without_rounded(found, levels, rounding, sky)
@@ -183,9 +180,8 @@ def _warn_of_fine_texture(found: Findings, texture: Texture, best: Reading) -> N
         share = f"{texture.share:.2g} of its power in fine frequencies (white noise has 1)"
         signs.append(f"structure in flat regions has {share}")
     if best.contrast:
-        signs.append(
-            f"noise grows with the light itself, as texture of a contrast of {best.contrast:.1%} does"
-        )
+        texture_of = f"texture of a contrast of {best.contrast:.1%}"
+        signs.append(f"noise grows with the light itself, as {texture_of} does")
     if signs:
         found.warn(
             f"texture_as_noise: {' and '.join(signs)}: texture of about 2 px, or noise with heavy tails; intervals cover gain and "

@@ -101,9 +101,8 @@ def scenes_of(
     if regions.sky is None:
         warn("no_black_sky: the pictures have no black sky; what shows in the dark alone is not seen")
     if not regions.levels:
-        warn(
-            "no_flat_regions: the pictures have hardly any lit region without texture; what grows with light is not seen"
-        )
+        said = "the pictures have hardly any lit region without texture; what grows with light is not seen"
+        warn(f"no_flat_regions: {said}")
     rows, columns = frames.shape(pictures.indices[0])
     black = regions.sky if regions.sky is not None else stated
     smooth = smooth_scenes(taken, regions)
