@@ -14,7 +14,7 @@ import numpy as np
 from scipy import stats
 
 from visaug.characterization.groups import Measured
-from visaug.characterization.moments import GroupMoments, middle
+from visaug.characterization.moments import middle
 from visaug.core.wording import listed
 from visaug.frames import FrameSet
 from visaug.statistics.findings import FALSE_ALARM, FROM_NOISE, Findings
@@ -64,12 +64,7 @@ def check(measured: Measured, found: Findings) -> None:
     )
 
 
-def _check_variances(
-    measured: Measured,
-    variances_of: list[tuple[GroupMoments, tuple[int, ...], np.ndarray, float]],
-    several: int,
-    found: Findings,
-) -> None:
+def _check_variances(measured: Measured, variances_of: list[tuple], several: int, found: Findings) -> None:
     """Warns of frames that have more noise than the others of their group, or less, beyond what their light explains.
     `variances_of`: group, its frames, the variance of the noise of each, and its standard error.
     `several`: number of groups of three or more frames.
