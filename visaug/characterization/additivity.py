@@ -18,15 +18,12 @@ _TELLS = 10.0
 
 @dataclass(frozen=True)
 class VarianceFits:
-    """Of variance against signal: chi square of a straight line through the origin with its degrees of freedom, by how much a line
-    that is lifted has a smaller one than a line that bends (0: too few levels), and its intercept, which is `lift` of its
-    standard errors from 0 at the signal `origin_dn`.
-    """
+    """Lines through variance against signal: straight through the origin, bent, and lifted."""
 
-    straight: tuple[float, int]
-    advantage: float = 0.0
-    lift: float = 0.0
-    origin_dn: float = 0.0
+    straight: tuple[float, int]  # chi square of the straight line, and its degrees of freedom
+    advantage: float = 0.0  # chi square of the bent line less that of the lifted one; 0 of too few levels
+    lift: float = 0.0  # intercept of the lifted line in its standard errors
+    origin_dn: float = 0.0  # signal at which the lifted line is 0
     intercept_dn2: float = 0.0
 
     def of_averages(self, dark_dn2: float) -> bool:

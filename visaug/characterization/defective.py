@@ -30,22 +30,19 @@ class GroupSummary:
 
 @dataclass(frozen=True)
 class Extremes:
-    """What one pass over the frames of one window keeps.
-
-    Attributes:
-        low, high: (H, W) least and greatest value of every pixel over all frames, DN.
-        flat_low, flat_high: the same over flats.
-        at_the_end: (H, W) whether a pixel has, in all frames of some group of flats, the least or greatest value of
-            the group's first frame, far from the group's level.
-        row_bits, column_bits: (H,), (W,) bits that ever change in a row or column; None where values are no whole DN.
-    """
+    """What one pass over the frames of one window keeps."""
 
     levels: tuple[GroupSummary, ...]
+    # (H, W) least and greatest value of every pixel over all frames, DN
     low: np.ndarray = field(repr=False)
     high: np.ndarray = field(repr=False)
+    # the same over flats
     flat_low: np.ndarray = field(repr=False)
     flat_high: np.ndarray = field(repr=False)
+    # (H, W) whether a pixel has, in all frames of some group of flats, the least or greatest value of the
+    # group's first frame, far from the group's level
     at_the_end: np.ndarray = field(repr=False)
+    # (H,), (W,) bits that ever change in a row or column; None where values are no whole DN
     row_bits: np.ndarray | None = field(repr=False)
     column_bits: np.ndarray | None = field(repr=False)
 

@@ -22,14 +22,12 @@ from visaug.statistics.findings import FALSE_ALARM, FROM_NOISE, Findings
 
 @dataclass(frozen=True)
 class Dependence:
-    """Of one group: probability of its sums for independent noise, correlation of the frames' residuals by which they
-    exceed these, and its frames in order with the part of each in what they share most.
-    """
+    """Of the frames of one group."""
 
-    probability: float
-    correlation: float
-    in_sequence: bool
-    parts: tuple[tuple[int, ...], tuple[int, ...]]
+    probability: float  # of their sums for independent noise
+    correlation: float  # of the frames' residuals, by which the sums exceed these
+    in_sequence: bool  # whether frames that follow each other are alike
+    parts: tuple[tuple[int, ...], tuple[int, ...]]  # the frames by their part in what they share most
 
 
 def check(measured: Measured, found: Findings) -> None:

@@ -15,22 +15,14 @@ PLACES = ((0, 0), (0, 1), (1, 0), (1, 1))  # of a 2 x 2
 
 @dataclass(frozen=True)
 class Facts:
-    """Of one frame.
+    """Of one frame."""
 
-    Attributes:
-        mean: mean level, DN.
-        noise: robust standard deviation of single pixels about their neighbours, DN.
-        largest: largest value, DN.
-        at_largest: share of the pixels that have it.
-        bits: bitwise or of all values; None where a value is no whole number.
-        phases: mean of the pixels at (0, 0), (0, 1), (1, 0), (1, 1) of every 2 x 2, DN.
-    """
-
-    mean: float
-    noise: float
-    largest: float
-    at_largest: float
-    bits: int | None
+    mean: float  # mean level, DN
+    noise: float  # robust standard deviation of single pixels about their neighbours, DN
+    largest: float  # largest value, DN
+    at_largest: float  # share of the pixels that have it
+    bits: int | None  # bitwise or of all values; None where a value is no whole number
+    # mean of the pixels at (0, 0), (0, 1), (1, 0), (1, 1) of every 2 x 2, DN
     phases: tuple[float, float, float, float]
 
 

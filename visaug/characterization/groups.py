@@ -16,20 +16,15 @@ from visaug.frames import FrameSet
 
 @dataclass(frozen=True)
 class FlatLevel:
-    """A flat and the dark frames that belong to it.
-    `dark_signal` is what dark current adds in the flat beyond its dark frames, whose exposure may differ
-    (DN); `dark_rate_error` the standard error of its rate (DN/s), None where the rate is not known. `band_variance`
-    is what rows share in flats alone, `shared_variance` the sum of the covariances of the light's noise with the eight
-    neighbours (DN^2), `shared_error` its standard error.
-    """
+    """A flat and the dark frames that belong to it."""
 
     flat: GroupMoments
     dark: GroupMoments
-    dark_signal: float = 0.0
-    dark_rate_error: float | None = None
-    band_variance: float = 0.0
-    shared_variance: float = 0.0
-    shared_error: float = 0.0
+    dark_signal: float = 0.0  # what dark current adds beyond the dark frames, whose exposure may differ, DN
+    dark_rate_error: float | None = None  # standard error of its rate, DN/s; None where that is not known
+    band_variance: float = 0.0  # what rows share in flats alone, DN^2
+    shared_variance: float = 0.0  # sum of the covariances of the light's noise with eight neighbours, DN^2
+    shared_error: float = 0.0  # its standard error
 
     @property
     def photons(self) -> float | None:
@@ -97,20 +92,16 @@ class FlatLevel:
 
 @dataclass(frozen=True)
 class Measured:
-    """A frame set's groups, measured and sorted by their part.
-    `levels` (by photons or signal) are the flats at the base gain that have a dark partner, `other_gains`
-    those at other gains; `darks` and `biases` are those at the base gain.
-    """
+    """A frame set's groups, measured and sorted by their part."""
 
     frames: FrameSet
     moments: tuple[GroupMoments, ...]
-    biases: tuple[GroupMoments, ...]
-    darks: tuple[GroupMoments, ...]
-    levels: tuple[FlatLevel, ...]
-    other_gains: dict[float, tuple[FlatLevel, ...]]
+    biases: tuple[GroupMoments, ...]  # at the base gain
+    darks: tuple[GroupMoments, ...]  # at the base gain
+    levels: tuple[FlatLevel, ...]  # flats at the base gain with a dark partner, by photons or signal
+    other_gains: dict[float, tuple[FlatLevel, ...]]  # those at other gains
     gain_db: float
     temperature_c: float | None
-    calibrated: bool
 
     @property
     def sweep(self) -> tuple[FlatLevel, ...]:
@@ -166,7 +157,6 @@ def measure_groups(frames: FrameSet, facts: Sequence[Facts], step_dn: float = 1.
         other_gains={g: found for g, found in levels.items() if found},
         gain_db=gain_db,
         temperature_c=temperatures[(len(temperatures) - 1) // 2] if temperatures else None,
-        calibrated=bool(base) and all(v.photons is not None for v in base),
     )
 
 

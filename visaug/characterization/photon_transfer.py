@@ -20,25 +20,18 @@ _COLLAPSE = 0.7  # variance below this share of the shot noise's tells clipping
 
 @dataclass(frozen=True)
 class PhotonTransferResult:
-    """Results in DN and photons; errors are one standard deviation, relative where the name says so.
-
-    Attributes:
-        gain_dn_per_e: slope at zero signal by weighted least squares over all safe levels.
-        curvature_per_dn: c of the variance K S (1 + c S), its standard error beside it; None for fewer levels than tell it.
-        flats_alone: whether the variance without light was fitted, since dark frames do not tell it.
-        response: the signal's course over photons, None where the source is not calibrated.
-        safe: positions of the levels that are clear of saturation.
-        scatter: root mean square deviation of the variances from the curve over them, 0 where it is that of their noise.
-    """
+    """Results in DN and photons; errors are one standard deviation, relative where the name says so."""
 
     levels: tuple[FlatLevel, ...]
-    gain_dn_per_e: float
+    gain_dn_per_e: float  # slope at zero signal by weighted least squares over all safe levels
     gain_error: float
     df: float
+    # c of the variance K S (1 + c S), its standard error beside it; None for fewer levels than tell it
     curvature_per_dn: tuple[float, float] | None
-    flats_alone: bool
-    response: Response | None
-    safe: tuple[int, ...]
+    flats_alone: bool  # whether the variance without light was fitted, since dark frames do not tell it
+    response: Response | None  # the signal's course over photons, None where the source is not calibrated
+    safe: tuple[int, ...]  # positions of the levels that are clear of saturation
+    # root mean square deviation of the variances from the curve over them, 0 where it is that of their noise
     scatter: float = 0.0
 
     @property

@@ -147,13 +147,10 @@ def _sandwich(p: np.ndarray, histogram: np.ndarray, log_probabilities) -> tuple[
 
 @dataclass(frozen=True)
 class PixelNoiseSpread:
-    """Spread of the pixels' own read noise: standard deviation of log sigma, and a map.
-    `variance`: of log sigma, and its standard error; it may be negative by chance.
-    `deviation_dn`: (H, W) standard deviation of every pixel, rounding taken off, DN.
-    """
+    """Spread of the pixels' own read noise: standard deviation of log sigma, and a map."""
 
-    variance: tuple[float, float]
-    deviation_dn: np.ndarray
+    variance: tuple[float, float]  # of log sigma, and its standard error; it may be negative by chance
+    deviation_dn: np.ndarray  # (H, W) standard deviation of every pixel, rounding taken off, DN
 
     @property
     def spread(self) -> float:

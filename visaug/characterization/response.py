@@ -15,26 +15,21 @@ from visaug.statistics.findings import FALSE_ALARM
 
 @dataclass(frozen=True)
 class Response:
-    """Signal of the light in DN over photons: slope at zero, its relative error, curvature per photon.
-
-    Attributes:
-        bent: whether the line bends beyond doubt (once in 500 by chance).
-        dark: how the dark current of flats longer than their dark frames was met: ``none`` (nothing to
-            meet), ``known``, ``fitted`` (beside the light), or ``unknown`` (it counts as light).
-        dark_share: by how much the slope would be higher if the dark current counted as light.
-        dark_dn_per_s: dark current that was fitted beside the light, and its standard error.
-        scatter: root mean square deviation of the signals from this course, as a share, where a lamp that changes as much as
-            from frame to frame exceeds it once in a thousand sets; else 0.
-    """
+    """Signal of the light in DN over photons: slope at zero, its relative error, curvature per photon."""
 
     dn_per_photon: float
     relative_error: float
     df: float
     curvature_per_photon: float
-    bent: bool
+    bent: bool  # whether the line bends beyond doubt (once in 500 by chance)
+    # how the dark current of flats longer than their dark frames was met: ``none`` (nothing to meet),
+    # ``known``, ``fitted`` (beside the light), or ``unknown`` (it counts as light)
     dark: str
-    dark_share: float
+    dark_share: float  # by how much the slope would be higher if the dark current counted as light
+    # dark current that was fitted beside the light, and its standard error
     dark_dn_per_s: tuple[float, float] = (0.0, 0.0)
+    # root mean square deviation of the signals from this course, as a share, where a lamp that changes as
+    # much as from frame to frame exceeds it once in a thousand sets; else 0
     scatter: float = 0.0
 
     def at(self, photons: float) -> float:

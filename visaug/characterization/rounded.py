@@ -42,17 +42,15 @@ class CodeHistograms:
 
 @dataclass(frozen=True)
 class RoundedFit:
-    """Log sigma (DN), shape (nan: normal noise), shift of the locations (DN), log of their spread (DN).
-    `covariance`: (4, 4) of the four, from sums over rows and columns; 0 where a parameter is fixed.
-    `dependence`: variance of log sigma over that of independent pixels.
-    """
+    """Log sigma (DN), shape (nan: normal noise), shift of the locations (DN), log of their spread (DN)."""
 
     log_sigma: float
     shape: float
     shift: float
     log_spread: float
+    # (4, 4) of the four, from sums over rows and columns; 0 where a parameter is fixed
     covariance: np.ndarray
-    dependence: float = 1.0
+    dependence: float = 1.0  # variance of log sigma over that of independent pixels
 
     @property
     def sigma(self) -> float:

@@ -171,24 +171,17 @@ def _mean_square(deviation: np.ndarray, step: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Levels:
-    """Noise of flat blocks by level.
+    """Noise of flat blocks by level."""
 
-    Attributes:
-        edges: of the bins.
-        level, variance: of the bins that hold enough flat blocks, in DN and DN^2 of 8 bit.
-        chosen: the variance where blocks of the sky are chosen as at other levels.
-        error: standard error of the logarithm of the variance.
-        number: of the bin, among the edges.
-        sums, counts, levels, blocks: by picture and bin, for other draws of the pictures.
-    """
-
-    edges: np.ndarray
-    number: np.ndarray
+    edges: np.ndarray  # of the bins
+    number: np.ndarray  # of the bin, among the edges
+    # of the bins that hold enough flat blocks, in DN and DN^2 of 8 bit
     level: np.ndarray
     variance: np.ndarray
-    chosen: np.ndarray
-    error: np.ndarray
+    chosen: np.ndarray  # the variance where blocks of the sky are chosen as at other levels
+    error: np.ndarray  # standard error of the logarithm of the variance
     structure: np.ndarray
+    # by picture and bin, for other draws of the pictures
     sums: np.ndarray
     levels: np.ndarray
     blocks: np.ndarray

@@ -14,20 +14,14 @@ from visaug.frames.pixels import PICTURES
 
 @dataclass(frozen=True)
 class PictureSet:
-    """Pictures of one size and one JPEG table.
+    """Pictures of one size and one JPEG table."""
 
-    Attributes:
-        frames: the set they are from.
-        indices: positions in the set.
-        steps: (8, 8) rounding steps of the DCT coefficients in 8-bit DN, 1 where the files are not JPEG.
-        top_dn: the highest code.
-    """
-
-    frames: FrameSet
-    indices: tuple[int, ...]
+    frames: FrameSet  # the set they are from
+    indices: tuple[int, ...]  # positions in the set
+    # (8, 8) rounding steps of the DCT coefficients in 8-bit DN, 1 where the files are not JPEG
     steps: np.ndarray
     is_jpeg: bool
-    top_dn: float
+    top_dn: float  # the highest code
 
     def __len__(self) -> int:
         return len(self.indices)

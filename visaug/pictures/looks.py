@@ -23,17 +23,14 @@ _ACROSS, _DOWN = INNER & (U + V > 4) & (V > U), INNER & (U + V > 4) & (U > V)
 
 @dataclass(frozen=True)
 class Look:
-    """A statistic: its view, name and unit, and how pictures (n, H, W) with their regions give its sums.
-    `texture` is its error, per share of the noise, by texture that passed for noise; `content` its relative error by what edges the
-    scene holds.
-    """
+    """A statistic: its view, name and unit, and how pictures (n, H, W) with their regions give its sums."""
 
     view: str
     name: str
     unit: str
     sums: Callable[[np.ndarray, Regions], tuple[np.ndarray, np.ndarray]]
-    texture: float = 0.0
-    content: float = 0.0
+    texture: float = 0.0  # error, per share of the noise, by texture that passed for noise
+    content: float = 0.0  # relative error by what edges the scene holds
 
 
 def measured(pictures: np.ndarray, regions: Regions) -> Iterator[tuple[Look, float, float, float]]:

@@ -58,24 +58,17 @@ def _white(camera: Camera) -> float:
 
 @dataclass(frozen=True)
 class PicturePart:
-    """Pictures in the place of a `Part` of a frame set.
+    """Pictures in the place of a `Part` of a frame set."""
 
-    Attributes:
-        scenes: what is simulated.
-        pictures: (n, H, W) as measured, in 1/255 of full scale; empty where only simulations are wanted.
-        resolution: rows and columns of the sensor.
-        dn: DN of the camera per 1/255 of full scale.
-        given: symmetries of these scenes as the camera file takes them.
-    """
-
-    scenes: Scenes
+    scenes: Scenes  # what is simulated
+    # (n, H, W) as measured, in 1/255 of full scale; empty where only simulations are wanted
     pictures: np.ndarray
-    resolution: tuple[int, int]
-    dn: float
+    resolution: tuple[int, int]  # rows and columns of the sensor
+    dn: float  # DN of the camera per 1/255 of full scale
     exposure_s: float
     place: str = PLACE
     views: tuple[View, ...] = OF_PICTURES
-    given: Sums | None = None
+    given: Sums | None = None  # symmetries of these scenes as the camera file takes them
 
     @cached_property
     def frames(self) -> FrameSet:

@@ -48,17 +48,16 @@ class NoiseCurve:
 
 @dataclass(frozen=True)
 class Reading:
-    """One tone curve that the pictures allow: its law, and gain, read noise and black level with their ends.
-    `contrast`: of texture that all surfaces seem to have, as fine as noise; 0 where noise grows no faster than the law says.
-    `misfit`: root of chi-square by its degrees of freedom, 1 or more, by which errors are enlarged.
-    """
+    """One tone curve that the pictures allow: its law, and gain, read noise and black level with their ends."""
 
     law: VarianceLaw
     gain: Interval
     read: Interval
     black: Interval
+    # of texture that all surfaces seem to have, as fine as noise; 0 where noise grows no faster than the law
+    # says
     contrast: float
-    misfit: float
+    misfit: float  # root of chi-square by its degrees of freedom, 1 or more, by which errors are enlarged
 
 
 def readings_of(curve: NoiseCurve, start: VarianceLaw) -> list[Reading]:

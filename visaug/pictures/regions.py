@@ -26,19 +26,12 @@ _FINE = (_KEPT_BASIS.T @ _KEPT_BASIS).astype(np.float32)
 
 @dataclass(frozen=True)
 class Regions:
-    """Blocks of 8 x 8 pixels of n pictures.
+    """Blocks of 8 x 8 pixels of n pictures."""
 
-    Attributes:
-        dark: (n, R, C), in the black sky and away from anything lit.
-        lit: (n, R, C), the class by level of flat lit blocks; -1 elsewhere.
-        levels: (classes,) mean level of each class, in 1/255 of full scale.
-        sky: level of the sky; None where there is none.
-    """
-
-    dark: np.ndarray
-    lit: np.ndarray
-    levels: tuple[float, ...]
-    sky: float | None
+    dark: np.ndarray  # (n, R, C), in the black sky and away from anything lit
+    lit: np.ndarray  # (n, R, C), the class by level of flat lit blocks; -1 elsewhere
+    levels: tuple[float, ...]  # (classes,) mean level of each class, in 1/255 of full scale
+    sky: float | None  # level of the sky; None where there is none
 
     def of(self, numbers: np.ndarray) -> "Regions":
         return Regions(self.dark[numbers], self.lit[numbers], self.levels, self.sky)

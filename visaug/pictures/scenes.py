@@ -33,33 +33,20 @@ def decoded(values: Tensor, transfer: str) -> Tensor:
 
 @dataclass(frozen=True)
 class Scenes:
-    """What a simulation needs of the pictures.
+    """What a simulation needs of the pictures."""
 
-    Attributes:
-        light: (n, H, W) share of the light that saturates the converter; 0 in the black sky.
-        regions: where both are looked at.
-        numbers: (n,) of the pictures in the set.
-        window: rows and columns of the sensor that are used.
-        black: level of no light, in 1/255 of full scale.
-        saturated: level from which a pixel is saturated, in 1/255 of full scale.
-        transfer: how picture values follow from light.
-        codes: highest code of the files.
-        quality: of the JPEG files; None where they are none.
-        symmetry: sums of the pictures.
-        expected: (3, statistics) what the symmetries' statistics are in pictures of such scenes, its squared standard error and
-            the degrees of freedom of that; NaN where it is not known, and the statistic is not used.
-    """
-
-    light: np.ndarray
-    regions: Regions
-    numbers: tuple[int, ...]
-    window: tuple[int, int, int, int]
-    black: float
-    saturated: float
-    transfer: str
-    codes: float
-    quality: int | None
-    symmetry: Sums
+    light: np.ndarray  # (n, H, W) share of the light that saturates the converter; 0 in the black sky
+    regions: Regions  # where both are looked at
+    numbers: tuple[int, ...]  # (n,) of the pictures in the set
+    window: tuple[int, int, int, int]  # rows and columns of the sensor that are used
+    black: float  # level of no light, in 1/255 of full scale
+    saturated: float  # level from which a pixel is saturated, in 1/255 of full scale
+    transfer: str  # how picture values follow from light
+    codes: float  # highest code of the files
+    quality: int | None  # of the JPEG files; None where they are none
+    symmetry: Sums  # sums of the pictures
+    # (3, statistics) what the symmetries' statistics are in pictures of such scenes, its squared standard
+    # error and the degrees of freedom of that; NaN where it is not known, and the statistic is not used
     expected: np.ndarray
 
 

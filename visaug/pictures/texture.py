@@ -19,15 +19,11 @@ _EDGES = np.concatenate([[0.0], 0.01 * _RATIO ** (3 * np.arange(85)), [np.inf]])
 
 @dataclass(frozen=True)
 class Texture:
-    """Texture in the flat blocks of each level.
-    `power`: (levels,) at low coefficients, over the noise.
-    `share`: of it that high coefficients hold, and so the noise that is measured.
-    `error`: standard error of the share.
-    """
+    """Texture in the flat blocks of each level."""
 
-    power: np.ndarray
-    share: float
-    error: float
+    power: np.ndarray  # (levels,) at low coefficients, over the noise
+    share: float  # of it that high coefficients hold, and so the noise that is measured
+    error: float  # standard error of the share
 
     def excess(self, deviations: float = 0.0) -> np.ndarray:
         """(levels,) texture over noise in the variance of flat blocks, at the share moved by its standard errors."""

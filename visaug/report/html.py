@@ -37,15 +37,13 @@ class Text:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of cells under a head; numbers are aligned right, rows in `strong` are set bold.
-    `groups` stands above the head: labels, each with the number of columns that it spans.
-    """
+    """Rows of cells under a head; numbers are aligned right."""
 
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
     caption: str = ""
-    strong: frozenset[int] = frozenset()
-    groups: Sequence[tuple[str, int]] = ()
+    strong: frozenset[int] = frozenset()  # rows that are set bold
+    groups: Sequence[tuple[str, int]] = ()  # above the head: labels, each with the number of its columns
 
     def is_number(self, column: int) -> bool:
         cells = [row[column] for row in self.rows if column < len(row) and row[column].strip()]
