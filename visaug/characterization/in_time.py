@@ -108,8 +108,7 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
     most = {shape: _most_often(counts, len(several)) for shape, counts in seen.items()}
     chosen = {}
     for i, hit, bright in hits:
-        hit = hit & (seen[hit.shape] <= most[hit.shape])
-        if hit.any():
+        if (hit := hit & (seen[hit.shape] <= most[hit.shape])).any():
             chosen[i] = hit | (ndimage.binary_dilation(hit, np.ones((3, 3), bool)) & bright)
     if not chosen:
         return frames

@@ -75,13 +75,9 @@ class Sums:
 def symmetry_sums(
     pictures: np.ndarray, flat: np.ndarray, black: float, saturated: float, corner: tuple, size: tuple
 ) -> Sums:
-    """The sums of pictures (n, H, W).
-
-    Args:
-        flat: (n, R, C) lit blocks without structure.
-        black: level of no light.
-        saturated: level from which a pixel is saturated.
-        corner, size: row and column at which the pictures begin on the sensor; the sensor's rows and columns.
+    """The sums of pictures (n, H, W), from `flat` (n, R, C), lit blocks without structure.
+    `black`, `saturated`: level of no light, and from which a pixel is saturated.
+    `corner`, `size`: row and column at which the pictures begin on the sensor; the sensor's rows and columns.
     """
     falloff = _falloff(pictures, flat, black, corner, size)
     areas = area_sums(pictures >= saturated)
