@@ -9,8 +9,7 @@ import torch
 import visaug
 from visaug.report.html import Figure, Page, Section, Table, Text, figure, footer, write_page
 from visaug.report.noise import components
-from visaug.report.plots.images import plot_components, plot_images
-from visaug.report.plots.learning import plot_timing, plot_training
+from visaug.report.plots.learning import plot_components, plot_images, plot_timing, plot_training
 from visaug_train.plots import plot_dependence, plot_gallery
 from visaug_train.reduction import read_pixels
 from visaug_train.results import Ablation
@@ -141,21 +140,20 @@ def _images(ablation: Ablation) -> Iterator[Text | Figure]:
             pictures += list(batch_noise(config.arm(name))(batch)[:, 0].numpy())
         titles += [f"arm {name}"] * 4
     yield figure(
-        plot_images(pictures, titles, limits=(0, 1)),
+        plot_images(pictures, titles),
         "The same clean images with the noise of each arm, which is drawn anew whenever an image is used.",
         raster=True,
     )
     if others:
         shown = [(name, read_pixels(file) / 255) for name, each in others for file in each.files[:4]]
         names, pictures = zip(*shown)
-        plot = plot_images(pictures, names, limits=(0, 1))
-        yield figure(plot, "Images of the other test sets.", raster=True)
+        yield figure(plot_images(pictures, names), "Images of the other test sets.", raster=True)
     vis = next((arm.vis for arm in map(config.arm, config.arms) if arm.vis), None)
     if vis is not None:
         camera = visaug.Camera.load(vis.cameras[0])
         parts = components(camera, clean[0])
         yield figure(
-            plot_components(list(parts.values()), list(parts), "DN", columns=3),
+            plot_components(list(parts.values()), list(parts)),
             f"Each noise component of {camera.name} on the first of these images: the difference of two exposures, with "
             "and without it, from the same random numbers. The colour scale ends at three standard deviations.",
             raster=True,

@@ -26,7 +26,7 @@ from visaug.frames import FrameRecord, FrameSet
 from visaug.frames.plan import default_plan
 from visaug.report.html import Figure, Section, Table, Text, figure
 from visaug.report.plots.error import plot_error_steps
-from visaug.report.plots.images import plot_images
+from visaug.report.plots.learning import plot_images
 from visaug_train import tables
 from visaug_train.config import Arm, Config
 from visaug_train.convert import identity
@@ -387,7 +387,7 @@ def _views(ablation: "Ablation") -> Figure:
     chosen = np.linspace(0, len(tests[PLAIN]) - 1, 4).astype(int)
     pictures = [read_pixels(tests[domain].files[i]) / 255 for domain in shown for i in chosen]
     return figure(
-        plot_images(pictures, [domain for domain in shown for _ in chosen], limits=(0, 1)),
+        plot_images(pictures, [domain for domain in shown for _ in chosen]),
         "The same views by the camera without an effect (plain) and with each.",
         raster=True,
     )

@@ -18,7 +18,7 @@ from visaug.core.errors import InputError
 from visaug.core.files import write_json
 from visaug.core.progress import Progress
 from visaug.report.html import Figure, Section, Table, Text, figure
-from visaug.report.plots.images import plot_images
+from visaug.report.plots.learning import plot_images
 from visaug_train import tables
 from visaug_train.config import Config, MadeCamera, Source
 from visaug_train.noise import vis_noise
@@ -340,7 +340,7 @@ def _pictures(ablation: "Ablation") -> Figure:
             shown += [(f"clean, {camera.name}", image) for image in noisy[:, 0].numpy()]
     titles, pictures = zip(*shown)
     return figure(
-        plot_images(pictures, titles, columns=4, limits=(0, 1)),
+        plot_images(pictures, titles),
         "Pictures of the test sets, and clean training images with the noise of each camera.",
         raster=True,
     )

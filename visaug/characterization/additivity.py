@@ -18,20 +18,16 @@ _TELLS = 10.0
 
 @dataclass(frozen=True)
 class VarianceFits:
-    """Chi square of variance against signal with its degrees of freedom: a straight line through the origin, one that bends, and
-    one that is lifted, whose intercept is `lift` of its standard errors from 0 at the signal `origin_dn`.
-    """
+    """Lines through variance against signal: straight through the origin, bent, and lifted."""
 
-    straight: tuple[float, int]
-    bent: tuple[float, int] | None
-    lifted: tuple[float, int] | None
-    lift: float
-    origin_dn: float
+    straight: tuple[float, int]  # chi square of the straight line, and its degrees of freedom
+    advantage: float = 0.0  # chi square of the bent line less that of the lifted one; 0 of too few levels
+    lift: float = 0.0  # intercept of the lifted line in its standard errors
+    origin_dn: float = 0.0  # signal at which the lifted line is 0
     intercept_dn2: float = 0.0
 
     def of_averages(self, dark_dn2: float) -> bool:
         """Whether flats that are averages of several frames, of raw dark frames' variance `dark_dn2`, explain the lift too.
-
         Averages of m have 1/m of each variance, so that their line lies (1 - 1/m) of the dark variance too low.
         """
         slack = 3.0 * abs(self.intercept_dn2 / self.lift) if self.lift else 0.0  # three standard errors
@@ -50,16 +46,12 @@ class VarianceFits:
     @property
     def pedestal(self) -> bool:
         """Whether flats have another black level than the dark frames: lifted, and told from bent."""
-        if self.bent is None or self.lifted is None:
-            return False
-        return self.deviates and self.is_lifted and self.bent[0] - self.lifted[0] > _TELLS
+        return self.is_lifted and self.advantage > _TELLS
 
     @property
     def undecided(self) -> bool:
         """Whether a bend and a pedestal explain the course about equally well."""
-        if self.bent is None or self.lifted is None:
-            return self.deviates
-        return self.deviates and abs(self.bent[0] - self.lifted[0]) <= _TELLS
+        return self.deviates and abs(self.advantage) <= _TELLS
 
 
 def course(levels: Sequence[FlatLevel]) -> VarianceFits:
@@ -77,12 +69,12 @@ def course(levels: Sequence[FlatLevel]) -> VarianceFits:
 
     straight = fit((1,))
     if len(x) < 3:
-        return VarianceFits(straight[:2], None, None, 0.0, 0.0)
+        return VarianceFits(straight[:2])
     bent, lifted = fit((1, 2)), fit((0, 1))
     value, error = lifted[2], lifted[3]
     origin = -value[0] / value[1] if value[1] > 0 else 0.0
     lift, origin, intercept = map(float, (value[0] / error[0], origin, value[0]))
-    return VarianceFits(straight[:2], bent[:2], lifted[:2], lift, origin, intercept)
+    return VarianceFits(straight[:2], bent[0] - lifted[0], lift, origin, intercept)
 
 
 def pedestal(measured: Measured, found: Findings) -> bool:
@@ -90,7 +82,7 @@ def pedestal(measured: Measured, found: Findings) -> bool:
     levels = measured.sweep
     if not levels or found.warned("bits_missing"):  # whole columns then step by more than their noise
         return False
-    chosen = [levels[i] for i in safe_levels(levels, saturated_level(levels))]
+    chosen = [levels[i] for i in safe_levels(levels, saturated_level(levels), dark_tells=True)]
     if not chosen or not (of := course(chosen)).pedestal:
         return False
     averages = of.of_averages(float(np.median([v.dark.variance for v in chosen])))

@@ -28,7 +28,6 @@ def adopt(frames: FrameSet, of: FrameSet) -> None:
 
 
 def alarms(frames: FrameSet) -> tuple[str, ...]:
-    """What the checks say of the frames."""
     found = found_by_checks(frames)
     words = tuple(f"{word}:" for check in CHECKS for word in check.words)
     if found is None:

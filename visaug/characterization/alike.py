@@ -15,7 +15,6 @@ SAME_C = 0.6  # a sensor's reading wanders by that much; steps of a ladder are w
 def merged_groups(frames: FrameSet, facts: Sequence[Facts]) -> list[Group]:
     """Frames taken alike: settings that differ by less than a log wanders count as one, and flats of one
     setting whose light was changed are apart.
-
     Dark frames right after a lit one are apart from the others: the lit one may linger in them.
     """
     found: dict[tuple, list[int]] = {}
@@ -91,14 +90,10 @@ def _clusters(
 
 def _rested(frames: FrameSet, groups: list[Group]) -> list[Group]:
     """Without dark frames that follow a lit one, where enough others are there."""
-    lit = {
-        i
-        for i in range(1, len(frames))
-        if frames.records[i].kind in ("dark", "bias") and frames.records[i - 1].kind in ("flat", "scene")
-    }
-    settings = {
-        (g.gain_db, g.temperature_c) for g in groups if g.kind in ("dark", "bias") and set(g.indices) - lit
-    }
+    kinds, dark = [r.kind for r in frames.records], ("dark", "bias")
+    lit = {i for i in range(1, len(kinds)) if kinds[i] in dark and kinds[i - 1] in ("flat", "scene")}
+    others = [g for g in groups if g.kind in dark and set(g.indices) - lit]
+    settings = {(g.gain_db, g.temperature_c) for g in others}
     kept = []
     for group in groups:
         rested = tuple(i for i in group.indices if i not in lit)

@@ -6,19 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import optimize
 
-from visaug.characterization import dark_current, tukey
+from visaug.characterization import dark_current, rounded, tukey
 from visaug.characterization.dark import found_law
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments
 from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly
-from visaug.characterization.rounded import (
-    BLOCKS,
-    CodeHistograms,
-    RoundedFit,
-    SigmaLikelihood,
-    fit_locations,
-    take_sample,
-)
+from visaug.characterization.rounded import BLOCKS, CodeHistograms, RoundedFit, SigmaLikelihood
 from visaug.characterization.still import CLIPPED, add_in_electrons, add_profiles, master_bias
 from visaug.core.intervals import Interval, mean_error, root, symmetric, t_quantile, variance_combination
 from visaug.statistics.findings import Findings
@@ -59,7 +52,7 @@ def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, see
     master = master_bias(found, measured, still)
     add_profiles(found, master)
     coarse = not rounds_evenly(still)
-    sample = take_sample(measured.frames, still.group.indices, still, seed, coarse)
+    sample = rounded.take_sample(measured.frames, still.group.indices, still, seed, coarse)
     master = master - sample.origin
     profile = SigmaLikelihood(sample) if coarse else None
     solution = _of_coarse(sample, master, profile) if profile else _of_fine(sample, master)
@@ -83,13 +76,13 @@ def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, see
 def _of_fine(sample: CodeHistograms, master: np.ndarray) -> _Solution:
     """Noise of several DN: its tails are seen, and rows and columns are located one by one."""
     free = 0, 1, 2, 3
-    fit = fit_locations(sample, np.zeros(len(sample.rows)), None, free)
+    fit = rounded.fit_locations(sample, np.zeros(len(sample.rows)), None, free)
     rows, columns = (LineLocations(np.zeros(n), 0.0) for n in master.shape)
     pixel_variance = None
     for _ in range(2):
         rows, columns, pixel_variance = lines(master, fit, rows, columns, pixel_variance)
         centre = columns.places[sample.columns] + rows.places[sample.rows] - rows.places.mean()
-        fit = fit_locations(sample, centre, fit, free)
+        fit = rounded.fit_locations(sample, centre, fit, free)
         # Measured rows and columns hold their share of the pixels' own pattern.
         pixel_variance = fit.spread**2 / (1 - 1 / master.shape[0] - 1 / master.shape[1])
     return _Solution(fit, *lines(master, fit, rows, columns, pixel_variance))
@@ -97,7 +90,7 @@ def _of_fine(sample: CodeHistograms, master: np.ndarray) -> _Solution:
 
 def _of_coarse(sample: CodeHistograms, master: np.ndarray, profile: SigmaLikelihood) -> _Solution:
     """Normal noise of less than a DN: the spread of the fit is that of rows, columns and pixels together."""
-    fit = fit_locations(sample, np.zeros(len(sample.rows)), profile.start(), (0, 2, 3))
+    fit = rounded.fit_locations(sample, np.zeros(len(sample.rows)), profile.start(), (0, 2, 3))
     rows, columns = (LineLocations(np.zeros(n), 0.0) for n in master.shape)
     return _Solution(fit, *lines(master, fit, rows, columns, None))
 
@@ -144,21 +137,19 @@ def _black_level(
         rise = 0.0 if known else solution.level(master, up) - solution.level(master, down)
         slopes.append(rise / (2 * step))
     model = float(np.array(slopes) @ fit.covariance[:2, :2] @ slopes)
-    error, df = mean_error(
-        [
-            (solution.rows.variance / height, height - 1),
-            (solution.columns.variance / width, width - 1),
-            (solution.columns.error / width, width),
-            (model, BLOCKS - 1),
-            (still.frame_variance / still.n, still.n - 1),
-        ]
-    )
+    parts = [
+        (solution.rows.variance / height, height - 1),
+        (solution.columns.variance / width, width - 1),
+        (solution.columns.error / width, width),
+        (model, BLOCKS - 1),
+        (still.frame_variance / still.n, still.n - 1),
+    ]
+    error, df = mean_error(parts)
     interval = symmetric(origin + float(solution.columns.places.mean()), error, df)
     found.add("black_level_dn", interval, "DN", source)
     if interval[2] < 0:
-        found.warn(
-            "black_level_below_zero: the black level is below 0 DN; a camera file cannot hold it and has 0"
-        )
+        said = "black_level_below_zero: the black level is below 0 DN; a camera file cannot hold it and has 0"
+        found.warn(said)
 
 
 def _coarse(
@@ -219,7 +210,6 @@ def lines(
     master: np.ndarray, fit: RoundedFit, rows: LineLocations, columns: LineLocations, pixel_var: float | None
 ) -> tuple[LineLocations, LineLocations, float]:
     """Locations of rows and columns, by turns, and the pixels' variance (DN^2): as given, or what the two leave.
-
     Without a value the fit's spread is that of all three together.
     """
     column_errors = master.std(0, ddof=1) / math.sqrt(len(master))
@@ -238,11 +228,9 @@ def locations(
     means: np.ndarray, errors: np.ndarray, fit: RoundedFit, pixel_var: float, across: np.ndarray
 ) -> LineLocations:
     """Locations of columns (rows) whose cut mean is as measured.
-
-    Args:
-        means, errors: mean of each column and its standard error, DN.
-        pixel_var: variance of the pixels' own locations, DN^2.
-        across: locations of the rows, over which a column's mean runs: as they are, for few follow no law.
+    `means`, `errors`: mean of each column and its standard error, DN.
+    `pixel_var`: variance of the pixels' own locations, DN^2.
+    `across`: locations of the rows, over which a column's mean runs: as they are, for few follow no law.
     """
     x, cut = cut_mean(fit, pixel_var)
     offsets = across - across.mean()
@@ -258,16 +246,14 @@ def locations(
 
 def cut_mean(fit: RoundedFit, within: float, electrons: float = 0.0, dn_per_e: float = 0.0):
     """Grid of mean levels (DN) and the mean of max(0, level + noise), rounded, there.
-
     The noise: read noise, N(0, within) of locations, and the Poisson spread (its skewness too) of `electrons`.
     """
     law = tukey.law(fit.shape)
     step = law.x[1] - law.x[0]
     t = 2 * np.pi * np.fft.rfftfreq(law.x.size, d=step)
     jump = 1j * t * dn_per_e / fit.sigma
-    spectrum = law.phi(t) * np.exp(
-        -0.5 * within / fit.sigma**2 * t**2 + electrons * (np.exp(jump) - 1 - jump)
-    )
+    exponent = -0.5 * within / fit.sigma**2 * t**2 + electrons * (np.exp(jump) - 1 - jump)
+    spectrum = law.phi(t) * np.exp(exponent)
     density = np.fft.fftshift(np.fft.irfft(spectrum, law.x.size)) / step  # of the noise with its sign turned
     below = (np.cumsum(density) - 0.5 * density) * step
     x = law.x * fit.sigma

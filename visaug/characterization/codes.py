@@ -28,12 +28,10 @@ def check(seen: Extremes, found: Findings) -> None:
 
 def _step(counts: np.ndarray) -> float | None:
     """Mean step of the codes of one level, DN; None where none are left out.
-
     Runs of empty codes between two codes that many pixels have are all of one length but for rounding.
     """
-    certain = (
-        20  # pixels at the codes on either side: an empty one between them has a probability of exp(-20)
-    )
+    # pixels at the codes on either side: an empty one between them has a probability of exp(-20)
+    certain = 20
     filled = np.flatnonzero(counts >= certain)
     used = np.flatnonzero(counts)
     between = np.searchsorted(used, filled[1:]) - np.searchsorted(used, filled[:-1]) - 1

@@ -3,6 +3,8 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
+from operator import or_
 from pathlib import Path
 
 import numpy as np
@@ -22,11 +24,8 @@ _DEPTHS = (8, 10, 12, 14, 16)
 
 def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[FrameSet, list[Facts]]:
     """The frames that can be measured together, and the facts of each.
-
     Left out, with a warning: frames of other camera settings than the commonest, and master frames.
-
-    Args:
-        told_bits: bits of the converter where somebody told them.
+    `told_bits`: bits of the converter where somebody told them.
     """
     frames = frames.subset([i for i, r in enumerate(frames.records) if r.kind in KINDS])
     frames = _in_celsius(frames, found)
@@ -48,20 +47,16 @@ def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[
 def _in_celsius(frames: FrameSet, found: Findings) -> FrameSet:
     """Temperatures that can only be Kelvin converted, those that are none left out, and both said."""
     made = [None if r.temperature_c is None else celsius(r.temperature_c) for r in frames.records]
-    for how, said in (
-        ("kelvin", "are read as Kelvin and converted"),
-        ("none", "are those of no sensor and are not used"),
+    for how, word, said in (
+        ("kelvin", "kelvin", "are read as Kelvin and converted"),
+        ("none", "unknown", "are those of no sensor and are not used"),
     ):
-        values = {f"{r.temperature_c:g}" for r, m in zip(frames.records, made) if m and m[1] == how}
-        if values:
-            found.warn(
-                f"temperature_{'kelvin' if how == 'kelvin' else 'unknown'}: temperatures of {', '.join(sorted(values))} {said}"
-            )
+        if values := {f"{r.temperature_c:g}" for r, m in zip(frames.records, made) if m and m[1] == how}:
+            found.warn(f"temperature_{word}: temperatures of {', '.join(sorted(values))} {said}")
     if all(m is None or not m[1] for m in made):
         return frames
-    return frames.with_records(
-        [replace(r, temperature_c=m[0] if m else None) for r, m in zip(frames.records, made)]
-    )
+    degrees = [m[0] if m else None for m in made]
+    return frames.with_records([replace(r, temperature_c=t) for r, t in zip(frames.records, degrees)])
 
 
 def _one_setting(frames: FrameSet, found: Findings) -> FrameSet:
@@ -99,17 +94,12 @@ def _without_one_light(frames: FrameSet, facts: Sequence[Facts], found: Findings
 
 def _without_copies(frames: FrameSet, facts: list[Facts], found: Findings) -> tuple[FrameSet, list[Facts]]:
     """Each frame once: a copy beside its original has no noise of its own (`FrameSet.check` names it).
-
     Equal sums over the four places of a 2 x 2, equal extremes and equal noise are a copy; a camera whose frames are mostly alike
     has no noise, and stays as it is.
     """
-    seen: set[tuple] = set()
-    kept = []
-    for i, (record, f) in enumerate(zip(frames.records, facts)):
-        key = (record.kind, f.mean, f.noise, f.largest, f.bits, f.phases)
-        if f.noise == 0 or key not in seen:
-            kept.append(i)
-        seen.add(key)
+    looks = [(r.kind, f.mean, f.noise, f.largest, f.bits, f.phases) for r, f in zip(frames.records, facts)]
+    first = {look: i for i, look in reversed([*enumerate(looks)])}
+    kept = [i for i, look in enumerate(looks) if facts[i].noise == 0 or first[look] == i]
     if len(kept) == len(frames) or 2 * len(kept) < len(frames):
         return frames, facts
     copies = sorted({r.sequence for r in frames.records} - {frames.records[i].sequence for i in kept})
@@ -157,9 +147,7 @@ def _aligned(
     """Words aligned at the top of 16 bits: the low bits are 0 in every pixel of every frame."""
     if frames.bit_depth != 16 or any(f.bits is None for f in facts):
         return frames, facts
-    used = 0
-    for f in facts:
-        used |= f.bits or 0
+    used = reduce(or_, (f.bits or 0 for f in facts), 0)
     low = 0 if used == 0 else (used & -used).bit_length() - 1
     if low == 0 or 16 - low not in (_DEPTHS if told_bits is None else (told_bits,)):
         return frames, facts
@@ -169,16 +157,11 @@ def _aligned(
     )
     scale = 1 << low
     return shifted(frames, low), [
-        replace(
-            f,
-            mean=f.mean / scale,
-            noise=f.noise / scale,
-            largest=f.largest / scale,
-            bits=(f.bits or 0) >> low,
-            phases=tuple(phase / scale for phase in f.phases),  # pyrefly: ignore[bad-argument-type]
-        )
+        replace(f, mean=f.mean / scale, noise=f.noise / scale, largest=f.largest / scale,
+                bits=(f.bits or 0) >> low,
+                phases=tuple(phase / scale for phase in f.phases))  # pyrefly: ignore[bad-argument-type]
         for f in facts
-    ]
+    ]  # fmt: skip
 
 
 def _bit_depth(frames: FrameSet, facts: list[Facts], found: Findings, told_bits: int | None) -> None:
@@ -213,10 +196,8 @@ def _check_lossy(frames: FrameSet, facts: Sequence[Facts], found: Findings) -> N
     spoils = ("gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "read_noise.shape",
               "prnu.*", "dsnu.*", "dark_current.*", "full_well_e", "emva.*", "emva4.*", "temporal.*")  # fmt: skip
     if any(r.file.lower().endswith((".jpg", ".jpeg")) for r in frames.records):
-        found.warn(
-            "lossy_frames: JPEG compression removes noise and rounds coarsely; measure raw or lossless frames",
-            spoils=spoils,
-        )
+        advice = "measure raw or lossless frames"
+        found.warn(f"lossy_frames: JPEG compression removes noise and rounds coarsely; {advice}", spoils)
     steps = [(_compression_step(frames.path(i)), f.noise) for i, f in enumerate(facts)]
     coarsest = 0.35  # step over the noise of a pixel: rounding then adds 1 % to its variance, step^2 / 12
     coarse = [step / noise for step, noise in steps if step and noise and step > coarsest * noise]

@@ -27,18 +27,16 @@ def dark_law(found: Findings, measured: Measured, frames: GroupMoments | None = 
             "dark current excludes the clipped charge",
             spoils=("dark_current.*", "emva.dark_current_*"),
         )
-    if measured.wanders:
-        law = _of_frames(measured, groups)
-        if law is not None:
-            found.warn(
-                "temperature_drift: the temperature changed during the dark frames; dark current is estimated "
-                "by one fit with the temperature and exposure of each frame, and one black level",
-                spoils=("emva.dark_current_*",),
-            )
-            _add_law(found, law, "one fit over the temperatures and exposures of all dark frames")
-            if frames is None or frames.group.temperature_c is None:
-                return 0.0
-            return _exp(law.log_a + law.b_per_c * frames.group.temperature_c) * frames.group.exposure_s
+    if measured.wanders and (law := _of_frames(measured, groups)) is not None:
+        found.warn(
+            "temperature_drift: the temperature changed during the dark frames; dark current is estimated "
+            "by one fit with the temperature and exposure of each frame, and one black level",
+            spoils=("emva.dark_current_*",),
+        )
+        _add_law(found, law, "one fit over the temperatures and exposures of all dark frames")
+        if frames is None or frames.group.temperature_c is None:
+            return 0.0
+        return _exp(law.log_a + law.b_per_c * frames.group.temperature_c) * frames.group.exposure_s
     lines = dark_current.slopes(dark_current.mean_points(groups))
     found_law(found, lines)
     if frames is None or not lines:
@@ -50,12 +48,8 @@ def dark_law(found: Findings, measured: Measured, frames: GroupMoments | None = 
 
 def _of_frames(measured: Measured, groups: tuple[GroupMoments, ...]) -> dark_current.DarkCurrentLaw | None:
     records = measured.frames.records
-    rows = [
-        (records[i].temperature_c, records[i].exposure_s, level)
-        for m in groups
-        for i, level in zip(m.group.indices, m.frame_means)
-        if records[i].temperature_c is not None
-    ]
+    levels = [(records[i], level) for m in groups for i, level in zip(m.group.indices, m.frame_means)]
+    rows = [(r.temperature_c, r.exposure_s, level) for r, level in levels if r.temperature_c is not None]
     return dark_current.joint_law(*np.array(rows, float).reshape(-1, 3).T)
 
 
@@ -67,7 +61,7 @@ def _add_law(found: Findings, law: dark_current.DarkCurrentLaw, source: str, ass
     error = math.hypot(math.sqrt(law.covariance[0, 0]), relative)
     a, low, high = (_exp(law.log_a + t * s) * scale for s in (0.0, -error, error))
     if not math.isfinite(high):
-        _miss_law(found, _NEEDS_LADDER)
+        miss_law(found)
         return
     name, unit = ("a_e_per_s", "e-/s") if found.gain is not None else ("a_dn_per_s", "DN/s")
     found.add(f"dark_current.{name}", (a, low, high), unit, source)
@@ -77,7 +71,7 @@ def _add_law(found: Findings, law: dark_current.DarkCurrentLaw, source: str, ass
     found.add("dark_current.b_per_c", interval, "1/degC", source, assumes=assumes)
 
 
-def _miss_law(found: Findings, needs: str) -> None:
+def miss_law(found: Findings, needs: str = _NEEDS_LADDER) -> None:
     found.miss("dark_current.a_e_per_s", needs)
     found.miss("dark_current.b_per_c", needs)
 
@@ -90,7 +84,7 @@ def _exp(logarithm: float) -> float:
 def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
     """Dark current in electrons per second where the gain is known, else in DN per second."""
     if not lines:
-        _miss_law(found, _NEEDS_LADDER)
+        miss_law(found)
         return
     scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
     law = dark_current.law(lines)
@@ -102,21 +96,17 @@ def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
         "in_electrons": np.array(found.gain is not None),
     }
     if law is not None:
-        untested = (
-            "dark current follows a exp(b T), which two temperatures do not test" if len(lines) == 2 else ""
-        )
-        _add_law(found, law, f"mean dark signal against exposure at {len(lines)} temperatures", untested)
+        untested = "dark current follows a exp(b T), which two temperatures do not test"
+        source = f"mean dark signal against exposure at {len(lines)} temperatures"
+        _add_law(found, law, source, untested if len(lines) == 2 else "")
         _too_flat(found, lines, law)
         if law.misfit > stats.f.ppf(0.999, max(len(lines) - 2, 1), min(law.df, 1e6)):
-            found.warn(
-                "dark_current_law: the dark current does not follow a exp(b T) within its uncertainty",
-                spoils=("dark_current.*", "emva.dark_current_*"),
-            )
+            said = "dark_current_law: the dark current does not follow a exp(b T) within its uncertainty"
+            found.warn(said, spoils=("dark_current.*", "emva.dark_current_*"))
     else:
         _one_temperature(found, lines)
-        _miss_law(
-            found, "dark frames at two or more known temperatures, warm or long enough for a dark signal"
-        )
+        needs = "dark frames at two or more known temperatures, warm or long enough for a dark signal"
+        miss_law(found, needs)
 
 
 def _too_flat(found: Findings, lines: list[dark_current.Slope], law: dark_current.DarkCurrentLaw) -> None:

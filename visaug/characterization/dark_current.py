@@ -110,7 +110,6 @@ def _at_zero(
 
 def slopes(points: Sequence[DarkPoint]) -> list[Slope]:
     """A straight line against exposure at every temperature with two or more exposures.
-
     The error comes from how frames scatter about their group (black-level drift is in it) or, where lines
     have three or more exposures, from how groups scatter about the lines, whichever is larger. Scatter that is
     known counts at its own exposure: variances scatter the more the larger they are, where a line has its lever.
@@ -127,10 +126,9 @@ def slopes(points: Sequence[DarkPoint]) -> list[Slope]:
         if len(np.unique(t)) > 1:
             y, n = np.array([p.level for p in group]), np.array([float(p.frames) for p in group])
             share = [p.scatter / scatter if math.isinf(p.df) and scatter else 1.0 for p in group]
-            lines.append((temperature, t, y, n, np.array(share)))
+            lines.append((temperature, t, y, n, np.array(share), *weighted_line(t, y, n)))
     misfit, expected, misfit_df = 0.0, 0.0, 0  # expected of a scatter of 1 DN^2
-    for _, t, y, n, share in lines:
-        value, offset, lever, spread = _line(t, y, n)
+    for _, t, y, n, share, value, offset, lever, spread in lines:
         if len(t) > 2:
             misfit += (n * (y - offset - value * t) ** 2).sum()
             expected += (share * (1 - n / n.sum() - n * lever**2 / spread)).sum()
@@ -138,8 +136,7 @@ def slopes(points: Sequence[DarkPoint]) -> list[Slope]:
     if expected > 0 and not misfit / expected <= scatter:
         scatter, df = misfit / expected, misfit_df
     found = []
-    for temperature, t, y, n, share in lines:
-        value, _, lever, spread = _line(t, y, n)
+    for temperature, _, _, n, share, value, _, lever, spread in lines:
         by_lever = float((n * lever**2 * share).sum() / spread)
         found.append(Slope(temperature, value, math.sqrt(scatter / spread) * math.sqrt(by_lever), df))
     return sorted(found, key=lambda s: (s.temperature_c is not None, s.temperature_c or 0.0))
@@ -169,7 +166,7 @@ def law(found: Sequence[Slope]) -> DarkCurrentLaw | None:
     return _at_zero(fit.x[0], fit.x[1], covariance, centre, points[0].df, misfit)
 
 
-def _line(t: np.ndarray, y: np.ndarray, n: np.ndarray) -> tuple[float, float, np.ndarray, float]:
+def weighted_line(t: np.ndarray, y: np.ndarray, n: np.ndarray) -> tuple[float, float, np.ndarray, float]:
     """Slope, offset, t about its middle and the weighted spread of that, for weights n."""
     middle = float((n * t).sum() / n.sum())
     lever = t - middle

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import ndimage
 
-from visaug.characterization.facts import Facts
+from visaug.characterization.facts import PLACES, Facts
 from visaug.characterization.views import cropped, repaired, replaced
 from visaug.core.wording import counted, listed
 from visaug.frames import FrameSet, Group
@@ -30,22 +30,19 @@ class GroupSummary:
 
 @dataclass(frozen=True)
 class Extremes:
-    """What one pass over the frames of one window keeps.
-
-    Attributes:
-        low, high: (H, W) least and greatest value of every pixel over all frames, DN.
-        flat_low, flat_high: the same over flats.
-        at_the_end: (H, W) whether a pixel has, in all frames of some group of flats, the least or greatest value of
-            the group's first frame, far from the group's level.
-        row_bits, column_bits: (H,), (W,) bits that ever change in a row or column; None where values are no whole DN.
-    """
+    """What one pass over the frames of one window keeps."""
 
     levels: tuple[GroupSummary, ...]
+    # (H, W) least and greatest value of every pixel over all frames, DN
     low: np.ndarray = field(repr=False)
     high: np.ndarray = field(repr=False)
+    # the same over flats
     flat_low: np.ndarray = field(repr=False)
     flat_high: np.ndarray = field(repr=False)
+    # (H, W) whether a pixel has, in all frames of some group of flats, the least or greatest value of the
+    # group's first frame, far from the group's level
     at_the_end: np.ndarray = field(repr=False)
+    # (H,), (W,) bits that ever change in a row or column; None where values are no whole DN
     row_bits: np.ndarray | None = field(repr=False)
     column_bits: np.ndarray | None = field(repr=False)
 
@@ -109,13 +106,11 @@ def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) 
 
 def lit_window(frames: FrameSet, seen: Extremes, found: Findings) -> tuple[int, int, int, int] | None:
     """Rows and columns that see light, where lines at an edge see none (overscan, optically black lines).
-
     A covered line is at less than 2 % of the median response and its neighbour at more than half of it, in the
     brightest flats: no light of a lens or a lamp falls off like that.
     """
     flats = [v for v in seen.levels if v.kind == "flat"]
-    darks = [v for v in seen.levels if v.kind != "flat"]
-    if not darks:
+    if not (darks := [v for v in seen.levels if v.kind != "flat"]):
         return None
     bright = max(flats, key=lambda v: v.median)
     dark = min(darks, key=lambda v: v.median)
@@ -131,20 +126,17 @@ def lit_window(frames: FrameSet, seen: Extremes, found: Findings) -> tuple[int, 
         said += [f"{name} {a} to {b - 1}" for a, b in ((0, first), (last, len(response))) if b > a]
     if not said:
         return None
-    found.warn(
-        f"overscan: {' and '.join(said)} see no light and are excluded; no header gives the part of the frame that is lit"
-    )
+    covered = f"{' and '.join(said)} see no light and are excluded"
+    found.warn(f"overscan: {covered}; no header gives the part of the frame that is lit")
     r0, r1, c0, c1 = window
     return r0, r1, c0, c1
 
 
 def _line_levels(frames: FrameSet, indices: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     """Means over frames of the medians of rows, (H,), and of columns, (W,)."""
-    rows, columns = [], []
-    for frame in map(frames.read, indices):
-        rows.append(np.median(frame, 1))
-        columns.append(np.median(frame, 0))
-    return np.array(rows, np.float64).mean(0), np.array(columns, np.float64).mean(0)
+    medians = [(np.median(frame, 1), np.median(frame, 0)) for frame in map(frames.read, indices)]
+    rows, columns = (np.array(lines, np.float64).mean(0) for lines in zip(*medians))
+    return rows, columns
 
 
 def _covered(response: np.ndarray) -> int:
@@ -160,16 +152,13 @@ def _covered(response: np.ndarray) -> int:
 def cut(frames: FrameSet, seen: Extremes, window: tuple[int, int, int, int]) -> tuple[FrameSet, Extremes]:
     """The frames and their extremes inside a window."""
     r0, r1, c0, c1 = window
-    maps = {
-        name: getattr(seen, name)[r0:r1, c0:c1]
-        for name in ("low", "high", "flat_low", "flat_high", "at_the_end")
-    }
+    names = ("low", "high", "flat_low", "flat_high", "at_the_end")
+    maps = {name: getattr(seen, name)[r0:r1, c0:c1] for name in names}
     return cropped(frames, window), replace(seen, **maps)
 
 
 def stuck_pixels(seen: Extremes, found: Findings) -> np.ndarray | None:
     """(H, W) pixels that do not answer to light; None where there are none.
-
     A pixel of one value in all flats (or all frames) whose levels are more than eight noises apart, or one that
     is at the least or greatest value of all frames of a level, eight noises from that level.
     """
@@ -178,32 +167,25 @@ def stuck_pixels(seen: Extremes, found: Findings) -> np.ndarray | None:
         stuck |= seen.flat_low == seen.flat_high
     if seen.spans(flats_alone=False):
         stuck |= seen.low == seen.high
-    share = float(stuck.mean())
-    if not share:
+    if not (share := float(stuck.mean())):
         return None
     if share > _MOST:
-        found.warn(
-            f"stuck_pixels: {share:.0%} of the pixels do not answer to light; they are too many to be left out",
-            spoils=("*",),
-        )
+        said = f"{share:.0%} of the pixels do not answer to light; they are too many to be left out"
+        found.warn(f"stuck_pixels: {said}", spoils=("*",))
         return None
     found.stuck = stuck
     rows, columns = np.flatnonzero(stuck.all(1)), np.flatnonzero(stuck.all(0))
     single = stuck.copy()
     single[rows], single[:, columns] = False, False
     places = [f"({r}, {c})" for r, c in np.argwhere(single)]
-    parts = [
-        f"{counted(len(what), name)} ({listed(what, 5)})"
-        for name, what in (("row", rows), ("column", columns), ("pixel", places))
-        if len(what)
-    ]
+    kinds = ("row", rows), ("column", columns), ("pixel", places)
+    parts = [f"{counted(len(what), name)} ({listed(what, 5)})" for name, what in kinds if len(what)]
     found.warn(f"stuck_pixels: {', '.join(parts)} keep one value whatever the light and are excluded")
     return stuck
 
 
 def without(frames: FrameSet, bad: np.ndarray) -> FrameSet:
     """The frames with the value of the nearest sound pixel of the same colour in place of a bad one's.
-
     A neighbour's value has the law of a sound pixel, which a mean or a constant does not.
     """
     at, source = np.nonzero(bad), donors(bad)
@@ -214,12 +196,10 @@ def donors(bad: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """For each bad pixel, in order, the nearest sound one of the same phase of a 2 x 2 that is not itself."""
     place = np.indices(bad.shape)
     rows, columns = place[0], place[1]
-    for r in (0, 1):
-        for c in (0, 1):
-            part = bad[r::2, c::2]
-            if part.size and part.any() and not part.all():
-                near = ndimage.distance_transform_edt(part, return_distances=False, return_indices=True)
-                assert near is not None
-                rows[r::2, c::2], columns[r::2, c::2] = 2 * near[0] + r, 2 * near[1] + c
-    at = np.nonzero(bad)
-    return rows[at], columns[at]
+    for r, c in PLACES:
+        part = bad[r::2, c::2]
+        if part.size and part.any() and not part.all():
+            near = ndimage.distance_transform_edt(part, return_distances=False, return_indices=True)
+            assert near is not None
+            rows[r::2, c::2], columns[r::2, c::2] = 2 * near[0] + r, 2 * near[1] + c
+    return rows[bad], columns[bad]

@@ -10,21 +10,13 @@ from collections.abc import Callable
 import numpy as np
 from scipy import stats
 
-from visaug.characterization import emva_curves
+from visaug.characterization import emva_curves, photon_transfer
 from visaug.characterization.alike import SAME_C, degrees_apart
 from visaug.characterization.dark_current import mean_points, slopes, variance_points
 from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.light import NEEDS_FLATS, NEEDS_GAIN, NEEDS_PHOTONS
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import PARTS, corrected_split, not_white, parts, release_4
-from visaug.characterization.photon_transfer import (
-    emva_linearity,
-    emva_sensitivity,
-    last_fitted,
-    linearity_curve,
-    saturated_level,
-    tells_gain,
-)
 from visaug.characterization.response import errors_of_light
 from visaug.core.intervals import Interval, jackknife, mean_error, root, symmetric, widen
 from visaug.frames.checks import SATURATED_SHARE
@@ -83,30 +75,30 @@ def _figures(found: Findings, measured: Measured) -> None:
     if not levels or levels[-1].signal <= 0:
         _dark_noise(found, measured, darks, None, 0.0)
         return
-    saturation = saturated_level(levels)
-    sensitivity = emva_sensitivity(levels, saturation)
+    saturation = photon_transfer.saturated_level(levels)
+    sensitivity = photon_transfer.emva_sensitivity(levels, saturation)
     system_gain = symmetric(*sensitivity["gain"])
-    if not (tells_gain(levels, saturation) and system_gain[1] > 0):
+    if not (photon_transfer.tells_gain(levels, saturation) and system_gain[1] > 0):
         _dark_noise(found, measured, darks, None, 0.0)
         derived(found, None)
         for key in _NEEDS:
             found.miss(key, NEEDS_GAIN)
         return
-    found.curves.update(emva_curves.sweep_curves(levels, saturation, last_fitted(levels, saturation), darks))
+    last = photon_transfer.last_fitted(levels, saturation)
+    found.curves.update(emva_curves.sweep_curves(levels, saturation, last, darks))
     gain, gain_error, _ = sensitivity["gain"]
     relative = gain_error / gain
     found.add("emva.system_gain_dn_per_e", system_gain, "DN/e-", _R3)
     if "efficiency" in sensitivity:
-        light = errors_of_light(levels[: last_fitted(levels, saturation) + 1])
+        light = errors_of_light(levels[: last + 1])
         for name in ("response", "efficiency"):
             value, error, df = sensitivity[name]
             parts = [(error**2, df), *((share * value**2, its) for share, its in light)]
             sensitivity[name] = value, *mean_error(parts)
         found.add("emva.quantum_efficiency", symmetric(*sensitivity["efficiency"]), "e-/photon", _R3)
         _saturation(found, levels, saturation, sensitivity["efficiency"])
-        linearity = emva_linearity(levels, saturation)
-        if linearity is not None:
-            found.curves["emva4_linearity"] = linearity_curve(levels, saturation)
+        if (linearity := photon_transfer.emva_linearity(levels, saturation)) is not None:
+            found.curves["emva4_linearity"] = photon_transfer.linearity_curve(levels, saturation)
         for name in ("min", "max"):
             key = f"emva.linearity_error_{name}"
             if linearity is None:
@@ -134,10 +126,8 @@ def _dark_sweep(measured: Measured, temperature_c: float | None) -> list[GroupMo
 def _dark_ladder(measured: Measured) -> list[GroupMoments]:
     """The sweep of three or more exposures whose temperature is nearest to the flats'."""
     base = measured.temperature_c
-    temperatures = sorted(
-        {m.group.temperature_c for m in measured.darks},
-        key=lambda t: (degrees_apart(t, base), t is None, t or 0.0),
-    )
+    degrees = {m.group.temperature_c for m in measured.darks}
+    temperatures = sorted(degrees, key=lambda t: (degrees_apart(t, base), t is None, t or 0.0))
     for t in (base, *temperatures):
         ladder = _dark_sweep(measured, t)
         if len({m.group.exposure_s for m in ladder}) > 2:
@@ -156,20 +146,17 @@ def _saturation(found: Findings, levels: tuple[FlatLevel, ...], saturation: int 
     low, high = photons[max(saturation - 1, 0)], photons[min(saturation + 1, len(photons) - 1)]
     found.add("emva.saturation_photons", (value, low, high), "photons", _R3)
     e = efficiency[0]
-    interval = widen((value * e, low * e, high * e), efficiency[1] / e)
-    found.add("emva.saturation_e", interval, "e-", _R3)
+    found.add("emva.saturation_e", widen((value * e, low * e, high * e), efficiency[1] / e), "e-", _R3)
 
 
 def _without_dark_current(
     found: Findings, measured: Measured, darks: list[GroupMoments]
 ) -> tuple[list[GroupMoments], bool]:
     """Those of the sweep `darks` that tell the noise at the flats' exposure, and whether a line over their exposures tells it."""
-    exposures = len({m.group.exposure_s for m in darks})
-    if exposures > 2:
+    if (exposures := len({m.group.exposure_s for m in darks})) > 2:
         return darks, True
-    longest = 1.02 * max(
-        (v.flat.group.exposure_s for v in measured.levels), default=math.inf
-    )  # a log's rounding
+    # with a log's rounding
+    longest = 1.02 * max((v.flat.group.exposure_s for v in measured.levels), default=math.inf)
     every = (m for m in (*measured.biases, *measured.darks) if m.n > 1 and m.shape == darks[0].shape)
     shortest = min(every, key=lambda m: m.group.exposure_s)  # of any temperature: it has no dark current
     for m in (darks[0], shortest):
@@ -209,8 +196,7 @@ def _dark_noise(
 def _dark_current(found: Findings, darks: list[GroupMoments], gain: float, relative: float) -> None:
     for name, of, power in (("mean", mean_points, 1), ("variance", variance_points, 2)):
         key = f"emva.dark_current_{name}_e_per_s"
-        lines = slopes(of(darks))
-        if not lines:
+        if not (lines := slopes(of(darks))):
             found.miss(key, "dark frames at three or more exposures")
             continue
         line = lines[0]
@@ -238,8 +224,7 @@ def _disagree(found: Findings) -> None:
 
 
 def _spatial(found: Findings, measured: Measured, gain: float, relative: float) -> None:
-    level = _stack(measured)
-    if level is None:
+    if (level := _stack(measured)) is None:
         return
     flat, dark, signal = level.flat, level.dark, level.signal
     dark_map, flat_map = (mean_map(measured.frames, m.group.indices) for m in (dark, flat))
@@ -306,21 +291,16 @@ def _stack(measured: Measured) -> FlatLevel | None:
     levels = [v for v in measured.levels if v.flat.n > 1 and v.dark.n > 1 and v.signal > 0]
     if not levels:
         return None
-    saturation = saturated_level(levels)
+    saturation = photon_transfer.saturated_level(levels)
     half = 0.5 * levels[-1 if saturation is None else saturation].signal
     if saturation is not None:  # a stack of saturated flats shows no PRNU
-        clear = [v for v in levels[: saturation + 1] if v.flat.clipped_high <= SATURATED_SHARE]
-        levels = clear or levels
+        levels = [v for v in levels[: saturation + 1] if v.flat.clipped_high <= SATURATED_SHARE] or levels
     most = max(v.flat.n for v in levels)
     return min((v for v in levels if v.flat.n == most), key=lambda v: abs(v.signal - half))
 
 
 def derived(found: Findings, response: Interval | None) -> None:
-    """Figures that follow from gain, dark noise and saturation: 1/K, R, SNR, thresholds, dynamic range.
-
-    Args:
-        response: responsivity in DN/photon, where the source is calibrated.
-    """
+    """Figures that follow from gain, dark noise, saturation and, of a calibrated source, responsivity in DN/photon."""
     gain, dark = (found.parameters.get(f"emva.{n}") for n in ("system_gain_dn_per_e", "dark_noise_dn"))
     photons = found.parameters.get("emva.saturation_photons")
     if gain is not None and dark is not None and gain.low > 0:

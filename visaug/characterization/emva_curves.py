@@ -25,10 +25,9 @@ def sweep_curves(
     levels: tuple[FlatLevel, ...], saturation: int | None, last: int, darks: list[GroupMoments]
 ) -> dict[str, dict[str, np.ndarray]]:
     """Arrays of the plots against exposure: photons, means and variances of bright and dark frames."""
-    photons = [math.nan if v.photons is None else v.photons for v in levels]
     return {
         "emva4_sweep": {
-            "photons": np.array(photons, float),
+            "photons": np.array([math.nan if v.photons is None else v.photons for v in levels], float),
             "mean_dn": np.array([v.flat.mean for v in levels]),
             "dark_mean_dn": np.array([v.dark.mean for v in levels]),
             "variance_dn2": np.array([v.flat.variance for v in levels]),
@@ -46,10 +45,8 @@ def sweep_curves(
 
 def pattern_curves(values: np.ndarray, noise: float) -> dict[str, np.ndarray]:
     """Arrays of the plots of one map: spectrograms, profiles and histograms along rows and columns.
-
-    Args:
-        values: (H, W) map in the plot's unit (e- or %).
-        noise: variance of the temporal noise that is left in the map, in its unit squared.
+    `values`: (H, W) map in the plot's unit (e- or %).
+    `noise`: variance of the temporal noise that is left in the map, in its unit squared.
     """
     curves: dict[str, np.ndarray] = {"noise": np.array([math.sqrt(max(noise, 0.0))])}
     for name, lines in (("horizontal", values), ("vertical", values.T)):

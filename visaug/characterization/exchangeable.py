@@ -8,12 +8,13 @@ to its own variance, which three frames tell: v_k follows from the squares of th
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import compress
 
 import numpy as np
 from scipy import stats
 
 from visaug.characterization.groups import Measured
-from visaug.characterization.moments import GroupMoments, middle
+from visaug.characterization.moments import middle
 from visaug.core.wording import listed
 from visaug.frames import FrameSet
 from visaug.statistics.findings import FALSE_ALARM, FROM_NOISE, Findings
@@ -21,24 +22,20 @@ from visaug.statistics.findings import FALSE_ALARM, FROM_NOISE, Findings
 
 @dataclass(frozen=True)
 class Dependence:
-    """Of one group: probability of its sums for independent noise, correlation of the frames' residuals by which they
-    exceed these, and its frames in order with the part of each in what they share most.
-    """
+    """Of the frames of one group."""
 
-    probability: float
-    correlation: float
-    in_sequence: bool
-    parts: tuple[tuple[int, ...], tuple[int, ...]]
+    probability: float  # of their sums for independent noise
+    correlation: float  # of the frames' residuals, by which the sums exceed these
+    in_sequence: bool  # whether frames that follow each other are alike
+    parts: tuple[tuple[int, ...], tuple[int, ...]]  # the frames by their part in what they share most
 
 
 def check(measured: Measured, found: Findings) -> None:
-    """Warns where the noise of frames of one group is not independent."""
     groups = [m for m in measured.moments if m.n > 2 and min(m.shape) > 3 and not m.clipped_high]
     tested, variances = [], []
     for m in groups:
         indices = chosen(m.group.indices)
-        residuals = residuals_of(measured.frames, indices, m.shape)
-        if residuals is None:
+        if (residuals := residuals_of(measured.frames, indices, m.shape)) is None:
             continue
         variances.append((m, indices, *frame_variances(residuals)))
         if m.n > 3:  # of three no such sum is left
@@ -65,17 +62,10 @@ def check(measured: Measured, found: Findings) -> None:
     )
 
 
-def _check_variances(
-    measured: Measured,
-    variances_of: list[tuple[GroupMoments, tuple[int, ...], np.ndarray, float]],
-    several: int,
-    found: Findings,
-) -> None:
+def _check_variances(measured: Measured, variances_of: list[tuple], several: int, found: Findings) -> None:
     """Warns of frames that have more noise than the others of their group, or less, beyond what their light explains.
-
-    Args:
-        variances_of: group, its frames, the variance of the noise of each, and its standard error.
-        several: number of groups of three or more frames.
+    `variances_of`: group, its frames, the variance of the noise of each, and its standard error.
+    `several`: number of groups of three or more frames.
     """
     dark = {id(v.flat): v.dark.mean for v in measured.levels}
     apart: list[int] = []
@@ -83,9 +73,8 @@ def _check_variances(
         usual = float(np.median(variances))
         levels = np.array([m.frame_means[m.group.indices.index(i)] for i in indices])
         signal = m.mean - dark.get(id(m), 0.0)
-        by_light = (
-            np.abs(levels - np.median(levels)) / signal if signal > 0 and m.group.kind == "flat" else 0.0
-        )
+        is_lit = signal > 0 and m.group.kind == "flat"
+        by_light = np.abs(levels - np.median(levels)) / signal if is_lit else 0.0
         excess = np.abs(variances / usual - 1) - by_light
         # The test of single frames has its own probability of a false alarm in one set.
         least = float(stats.norm.isf(FALSE_ALARM / 2 / len(indices) / several))
@@ -126,9 +115,13 @@ def dependence(residuals: np.ndarray, indices: tuple[int, ...]) -> Dependence:
     excess = max(square - len(basis), 0.0) / square if square else 0.0
     shared = np.einsum("k,kij->ij", sums, basis)  # what the frames share, as seen by the contrasts
     correlation = float(np.sqrt(excess * (shared**2).sum() / (n * (n - 1)))) / float(variances.mean())
-    return Dependence(
-        float(stats.chi2.sf(square, len(basis))), correlation, _follows(shared), _split(indices, shared)
-    )
+    # whether frames that follow each other share more than any others do
+    nearest, *others = (float(np.diagonal(shared, d).mean()) for d in range(1, n - 1))
+    in_sequence = nearest > 0 and nearest > 2 * max(others)
+    part = np.linalg.eigh(shared)[1][:, -1]  # of each frame in what they share most, whose sign splits them
+    first = part * part[0] > 0
+    parts = tuple(compress(indices, first)), tuple(compress(indices, ~first))
+    return Dependence(float(stats.chi2.sf(square, len(basis))), correlation, in_sequence, parts)
 
 
 def chosen(indices: tuple[int, ...]) -> tuple[int, ...]:
@@ -173,17 +166,3 @@ def _unevenness(residuals: np.ndarray) -> float:
     a, b = steps[0::2], steps[1::2]
     ratios = [float((p * q).mean() / (p.mean() * q.mean())) for p, q in zip(a, b)]
     return max(float(np.mean(ratios)), 1.0)
-
-
-def _follows(shared: np.ndarray) -> bool:
-    """Whether frames that follow each other share more than any others do."""
-    n = len(shared)
-    nearest, *others = (float(np.diagonal(shared, d).mean()) for d in range(1, n - 1))
-    return nearest > 0 and nearest > 2 * max(others)
-
-
-def _split(indices: tuple[int, ...], shared: np.ndarray) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """The frames by the sign of their part in what they share most."""
-    part = np.linalg.eigh(shared)[1][:, -1]
-    first = dict(zip(indices, part * part[0] > 0))
-    return tuple(i for i in indices if first[i]), tuple(i for i in indices if not first[i])

@@ -15,31 +15,19 @@ PLACES = ((0, 0), (0, 1), (1, 0), (1, 1))  # of a 2 x 2
 
 @dataclass(frozen=True)
 class Facts:
-    """Of one frame.
+    """Of one frame."""
 
-    Attributes:
-        mean: mean level, DN.
-        noise: robust standard deviation of single pixels about their neighbours, DN.
-        largest: largest value, DN.
-        at_largest: share of the pixels that have it.
-        bits: bitwise or of all values; None where a value is no whole number.
-        phases: mean of the pixels at (0, 0), (0, 1), (1, 0), (1, 1) of every 2 x 2, DN.
-    """
-
-    mean: float
-    noise: float
-    largest: float
-    at_largest: float
-    bits: int | None
+    mean: float  # mean level, DN
+    noise: float  # robust standard deviation of single pixels about their neighbours, DN
+    largest: float  # largest value, DN
+    at_largest: float  # share of the pixels that have it
+    bits: int | None  # bitwise or of all values; None where a value is no whole number
+    # mean of the pixels at (0, 0), (0, 1), (1, 0), (1, 1) of every 2 x 2, DN
     phases: tuple[float, float, float, float]
 
 
 def look(frames: FrameSet) -> list[Facts]:
-    """Facts of every frame, in one pass that holds one frame.
-
-    Raises:
-        InputError: frames of different sizes that state no window.
-    """
+    """Facts of every frame, in one pass that holds one frame; InputError where sizes differ and no window is stated."""
     found: list[Facts] = []
     first: tuple[tuple[int, ...], str] | None = None
     for i, record in enumerate(frames.records):
@@ -50,24 +38,19 @@ def look(frames: FrameSet) -> list[Facts]:
                 problem = f"frames differ in size: this one is {frame.shape[0]} x {frame.shape[1]}"
                 expected = f"{size[0]} x {size[1]} as {whose}, or a window in its record"
                 raise InputError(problem, file=record.file, expected=expected)
-        found.append(facts_of(frame))
+        largest = float(frame.max())
+        whole = frame.astype(np.min_scalar_type(int(largest)))  # small numbers are quick
+        colours = [frame[r::2, c::2] for r, c in PLACES]
+        found.append(Facts(
+            mean=float(frame.mean(dtype=np.float64)),
+            noise=_noise(frame),
+            largest=largest,
+            at_largest=float(np.count_nonzero(frame == largest) / frame.size),
+            bits=int(np.bitwise_or.reduce(whole, axis=None)) if (whole == frame).all() else None,
+            # pyrefly: ignore[bad-argument-type]
+            phases=tuple(float(v.mean(dtype=np.float64)) if v.size else 0.0 for v in colours),
+        ))  # fmt: skip
     return found
-
-
-def facts_of(frame: np.ndarray) -> Facts:
-    largest = float(frame.max())
-    whole = frame.astype(np.min_scalar_type(int(largest)))  # small numbers are quick
-    bits = int(np.bitwise_or.reduce(whole, axis=None)) if (whole == frame).all() else None
-    return Facts(
-        mean=float(frame.mean(dtype=np.float64)),
-        noise=_noise(frame),
-        largest=largest,
-        at_largest=float(np.count_nonzero(frame == largest) / frame.size),
-        bits=bits,
-        # pyrefly: ignore[bad-argument-type]
-        phases=tuple(float(frame[r::2, c::2].mean(dtype=np.float64)) if frame[r::2, c::2].size else 0.0
-                     for r, c in PLACES),
-    )  # fmt: skip
 
 
 def _noise(frame: np.ndarray) -> float:
@@ -80,7 +63,6 @@ def _noise(frame: np.ndarray) -> float:
 
 def temporal_variances(frames: FrameSet, indices: Sequence[int]) -> np.ndarray:
     """Temporal variance of each of three or more frames by itself, DN^2 (n,).
-
     The variances of the differences of three frames, D_ab = v_a + v_b and so on, tell that of each: v_a = (D_ab + D_ac - D_bc) / 2.
     """
     n = len(indices)

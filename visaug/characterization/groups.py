@@ -16,21 +16,15 @@ from visaug.frames import FrameSet
 
 @dataclass(frozen=True)
 class FlatLevel:
-    """A flat and the dark frames that belong to it.
-
-    `dark_signal` is what dark current adds in the flat beyond its dark frames, whose exposure may differ
-    (DN); `dark_rate_error` the standard error of its rate (DN/s), None where the rate is not known. `band_variance`
-    is what rows share in flats alone, `shared_variance` the sum of the covariances of the light's noise with the eight
-    neighbours (DN^2), `shared_error` its standard error.
-    """
+    """A flat and the dark frames that belong to it."""
 
     flat: GroupMoments
     dark: GroupMoments
-    dark_signal: float = 0.0
-    dark_rate_error: float | None = None
-    band_variance: float = 0.0
-    shared_variance: float = 0.0
-    shared_error: float = 0.0
+    dark_signal: float = 0.0  # what dark current adds beyond the dark frames, whose exposure may differ, DN
+    dark_rate_error: float | None = None  # standard error of its rate, DN/s; None where that is not known
+    band_variance: float = 0.0  # what rows share in flats alone, DN^2
+    shared_variance: float = 0.0  # sum of the covariances of the light's noise with eight neighbours, DN^2
+    shared_error: float = 0.0  # its standard error
 
     @property
     def photons(self) -> float | None:
@@ -77,14 +71,11 @@ class FlatLevel:
     @property
     def variance_error(self) -> float:
         """Standard error of the level's variance of white normal noise and of what was added to it, DN^2.
-
         Light that is uneven over the pixels makes their variances uneven, and their mean the less certain.
         """
         light = max(1 - self.dark.variance / self.flat.variance, 0.0) if self.flat.variance > 0 else 0.0
-        parts = [
-            2 * u * m.variance**2 / max((m.n - 1) * m.shape[0] * m.shape[1], 1)
-            for u, m in ((1 + self.unevenness * light**2, self.flat), (1.0, self.dark))
-        ]
+        uneven = (1 + self.unevenness * light**2, self.flat), (1.0, self.dark)
+        parts = [2 * u * m.variance**2 / max((m.n - 1) * m.shape[0] * m.shape[1], 1) for u, m in uneven]
         return math.sqrt(sum(parts) + self.shared_error**2)
 
     @property
@@ -101,21 +92,16 @@ class FlatLevel:
 
 @dataclass(frozen=True)
 class Measured:
-    """A frame set's groups, measured and sorted by their part.
-
-    `levels` (by photons or signal) are the flats at the base gain that have a dark partner, `other_gains`
-    those at other gains; `darks` and `biases` are those at the base gain.
-    """
+    """A frame set's groups, measured and sorted by their part."""
 
     frames: FrameSet
     moments: tuple[GroupMoments, ...]
-    biases: tuple[GroupMoments, ...]
-    darks: tuple[GroupMoments, ...]
-    levels: tuple[FlatLevel, ...]
-    other_gains: dict[float, tuple[FlatLevel, ...]]
+    biases: tuple[GroupMoments, ...]  # at the base gain
+    darks: tuple[GroupMoments, ...]  # at the base gain
+    levels: tuple[FlatLevel, ...]  # flats at the base gain with a dark partner, by photons or signal
+    other_gains: dict[float, tuple[FlatLevel, ...]]  # those at other gains
     gain_db: float
     temperature_c: float | None
-    calibrated: bool
 
     @property
     def sweep(self) -> tuple[FlatLevel, ...]:
@@ -142,16 +128,13 @@ class Measured:
     @property
     def still(self) -> GroupMoments | None:
         """Frames for master bias and read noise: most frames first, then the shortest exposure."""
+        # the largest window, to which spatial figures belong
+        largest = max((m.shape for m in self.moments), key=math.prod, default=None)
         return max(
-            (m for m in (*self.biases, *self.darks) if m.n > 1 and m.shape == self._shape),
+            (m for m in (*self.biases, *self.darks) if m.n > 1 and m.shape == largest),
             key=lambda m: (m.group.kind == "bias", m.n, -m.group.exposure_s, nearness(m.group.window)),
             default=None,
         )
-
-    @property
-    def _shape(self) -> tuple[int, int]:
-        """The largest window, to which spatial figures belong."""
-        return max((m.shape for m in self.moments if m.group.kind != "image"), key=lambda s: s[0] * s[1])
 
 
 def measure_groups(frames: FrameSet, facts: Sequence[Facts], step_dn: float = 1.0) -> Measured:
@@ -168,13 +151,12 @@ def measure_groups(frames: FrameSet, facts: Sequence[Facts], step_dn: float = 1.
     return Measured(
         frames=frames,
         moments=moments,
-        biases=_of(moments, "bias", gain_db),
-        darks=_of(moments, "dark", gain_db),
+        biases=tuple(m for m in moments if m.group.kind == "bias" and m.group.gain_db == gain_db),
+        darks=tuple(m for m in moments if m.group.kind == "dark" and m.group.gain_db == gain_db),
         levels=base,
         other_gains={g: found for g, found in levels.items() if found},
         gain_db=gain_db,
         temperature_c=temperatures[(len(temperatures) - 1) // 2] if temperatures else None,
-        calibrated=bool(base) and all(v.photons is not None for v in base),
     )
 
 
@@ -187,13 +169,8 @@ def _with_rate(level: FlatLevel, lines: Sequence[Slope]) -> FlatLevel:
     return replace(level, dark_signal=line.value * level.exposure_gap_s, dark_rate_error=line.error)
 
 
-def _of(moments, kind: str, gain_db: float) -> tuple[GroupMoments, ...]:
-    return tuple(m for m in moments if m.group.kind == kind and m.group.gain_db == gain_db)
-
-
 def _pair(moments: list[GroupMoments]) -> tuple[FlatLevel, ...]:
     """Each flat with the dark or bias frames of nearest temperature and exposure in the same window.
-
     Of a flat of unknown temperature the exposure alone decides.
     """
     levels = []

@@ -73,7 +73,6 @@ class _Peaks:
 
 def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> FrameSet:
     """The frames with a neighbour's value where a pixel is far brighter in one frame than in the others of its group.
-
     A hit is one pixel, or two or three in a line in one frame, whose greatest value is farther from the second greatest than
     noise of the group's law would have it anywhere in the set (once in 1000 sets). Noise has tails on both sides, but hits
     brighten: where pixels of dark frames fall below their other values by more than normal noise, hits must exceed that by
@@ -81,11 +80,8 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
     """
     several = [g for g in groups if len(g.indices) > 1]
     peaks = [_peaks(frames, g) for g in several]
-    dips = [
-        (p, len(g.indices))
-        for g, p in zip(several, peaks)
-        if g.kind != "flat" and len(g.indices) > 2 and not p.cut
-    ]
+    whole = [(p, len(g.indices)) for g, p in zip(several, peaks) if g.kind != "flat" and not p.cut]
+    dips = [(p, n) for p, n in whole if n > 2]
     tail = _tail(dips)
     gain = _rough_gain(several, peaks)
     quiet = min((p.noise for g, p in zip(several, peaks) if g.kind != "flat"), default=0.0)
@@ -112,8 +108,7 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
     most = {shape: _most_often(counts, len(several)) for shape, counts in seen.items()}
     chosen = {}
     for i, hit, bright in hits:
-        hit = hit & (seen[hit.shape] <= most[hit.shape])
-        if hit.any():
+        if (hit := hit & (seen[hit.shape] <= most[hit.shape])).any():
             chosen[i] = hit | (ndimage.binary_dilation(hit, np.ones((3, 3), bool)) & bright)
     if not chosen:
         return frames
@@ -150,7 +145,6 @@ def _tail(dips: Sequence[tuple[_Peaks, int]]) -> float:
 
 def _most_often(counts: np.ndarray, groups: int) -> int:
     """In how many groups a pixel may be hit: where hits fall by chance, more happens in one set of ten; 0 for no hits at all.
-
     Where more pixels than by chance (once in 1000 sets) are hit again, pixels jump by themselves; where they are a tenth of
     those that were hit, the others may be such pixels too.
     """
@@ -220,8 +214,7 @@ def _peaks(frames: FrameSet, group: Group) -> _Peaks:
     for n, i in enumerate(group.indices[1:], start=1):
         frame = frames.read(i)
         frame = frame + (level - _levels(frame, by_rows)).astype(np.float32)
-        step = rank_values(frame, before, n, first, second, which, least, next_least)
-        steps.append(step / one.size)
+        steps.append(rank_values(frame, before, n, first, second, which, least, next_least) / one.size)
         before = frame
     # of normal noise, from the mean absolute difference
     noise = max(0.5 * math.sqrt(math.pi) * float(np.median(steps)), 0.5)

@@ -4,18 +4,13 @@ import math
 
 import numpy as np
 
-from visaug.characterization import additivity
+from visaug.characterization import additivity, photon_transfer
+from visaug.characterization.dark_current import weighted_line
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments, largest_place, mean_map
 from visaug.characterization.mosaic import Mosaic
 from visaug.characterization.nonuniformity import PARTS, Parts, check_structure, parts, surface, tile
-from visaug.characterization.photon_transfer import (
-    PhotonTransferResult,
-    converter_clips,
-    full_well,
-    relative_deviations,
-    transfer,
-)
+from visaug.characterization.photon_transfer import PhotonTransferResult
 from visaug.core.intervals import mean_error, root, symmetric, t_quantile
 from visaug.statistics.findings import Findings, MeasuredGain
 
@@ -26,19 +21,13 @@ NEEDS_CLEAR_FLATS = (
     "clear of 0 and of the converter's top"
 )
 NEEDS_PHOTONS = "flats with known photons per pixel"
-_FROM_PHOTONS = (
-    "quantum_efficiency",
-    "emva.quantum_efficiency",
-    "emva.saturation_photons",
-    "emva4.absolute_sensitivity_*photons",
-    "emva4.responsivity_*",
-)
+_FROM_PHOTONS = ("quantum_efficiency", "emva.quantum_efficiency", "emva.saturation_photons",
+                 "emva4.absolute_sensitivity_*photons", "emva4.responsivity_*")  # fmt: skip
 
 
 def gain_and_efficiency(found: Findings, measured: Measured, dark_tells: bool) -> PhotonTransferResult | None:
     """Photon transfer at the base gain."""
-    result = transfer(measured.sweep, dark_tells)
-    if result is None:
+    if (result := photon_transfer.transfer(measured.sweep, dark_tells)) is None:
         needs = NEEDS_GAIN if measured.sweep else NEEDS_FLATS
         found.miss("gain_e_per_dn", needs if dark_tells else NEEDS_CLEAR_FLATS)
         found.miss("quantum_efficiency", NEEDS_PHOTONS)
@@ -98,31 +87,25 @@ def _causes(found: Findings, result: PhotonTransferResult, course: additivity.Va
     """What bends a photon transfer, by what the frames say of each cause."""
     shared = found.filtered or any(v.shared_variance for v in result.levels)
     line = result.response
+    bends = "the signal bends too" if line and line.bent else "not seen in the signal against photons"
     causes = {
         "charge sharing": "neighbours correlate" if shared else "ruled out, neighbours do not correlate",
-        "nonlinear response": "photons are not known"
-        if line is None
-        else "the signal bends too"
-        if line.bent
-        else "not seen in the signal against photons",
-        "another black level than that of the dark frames": "possible"
-        if course.undecided
-        else "fits worse than a bend",
+        "nonlinear response": bends if line else "photons are not known",
+        "another black level than that of the dark frames":
+            "possible" if course.undecided else "fits worse than a bend",
         "a lamp that changes": "taken out",
-    }
+    }  # fmt: skip
     return "; ".join(f"{cause}: {verdict}" for cause, verdict in causes.items())
 
 
 def _efficiency(found: Findings, result: PhotonTransferResult) -> None:
-    line = result.response
-    if line is None:
+    if (line := result.response) is None:
         found.miss("quantum_efficiency", NEEDS_PHOTONS)
         return
     gain = result.gain_dn_per_e
     value = line.dn_per_photon / gain
-    error, df = mean_error(
-        [((value * result.gain_error / gain) ** 2, result.df), ((value * line.relative_error) ** 2, line.df)]
-    )
+    by_gain = (value * result.gain_error / gain) ** 2, result.df
+    error, df = mean_error([by_gain, ((value * line.relative_error) ** 2, line.df)])
     _, low, high = symmetric(value, error, df)
     interval = value, max(low, 0.0), high
     found.add("quantum_efficiency", interval, "e-/photon", "responsivity over gain", 1.0)
@@ -139,10 +122,8 @@ def _efficiency(found: Findings, result: PhotonTransferResult) -> None:
             spoils=(*_FROM_PHOTONS, "emva.linearity_error_*"),
         )
     if value > 1:
-        found.warn(
-            "quantum_efficiency_above_one: the stated photons are too few, or the light is not uniform",
-            spoils=("quantum_efficiency", "emva.quantum_efficiency"),
-        )
+        said = "quantum_efficiency_above_one: the stated photons are too few, or the light is not uniform"
+        found.warn(said, spoils=("quantum_efficiency", "emva.quantum_efficiency"))
     if line.bent:
         top = max(float(result.levels[i].photons or 0.0) for i in result.safe)
         found.warn(
@@ -180,7 +161,7 @@ def _transfer_curves(found: Findings, result: PhotonTransferResult) -> None:
         found.curves["linearity"] = {
             "photons": np.array([v.photons for v in chosen], float),
             "signal_dn": np.array([v.signal for v in chosen]),
-            "deviation": relative_deviations(chosen, np.ones(chosen[0].flat.shape[0])),
+            "deviation": photon_transfer.relative_deviations(chosen, np.ones(chosen[0].flat.shape[0])),
         }
 
 
@@ -188,7 +169,6 @@ def response_pattern(
     found: Findings, measured: Measured, result: PhotonTransferResult, mosaic: Mosaic | None
 ) -> Parts | None:
     """PRNU by row, column and pixel from the slope of every pixel over the safe levels.
-
     On a mosaic each pixel is compared with those of its own colour.
     """
     place = largest_place(result.levels[i].flat for i in result.safe)
@@ -219,8 +199,7 @@ def response_pattern(
         colours = mosaic.map(shape)
         pattern /= colours
         noise = [(f * _noise_over(colours, m, result), m) for f, m in noise]
-    places = tile(pattern)
-    if places is not None:
+    if (places := tile(pattern)) is not None:
         pattern /= places
         noise = [(f * _noise_over(places, m, result), m) for f, m in noise]
         found.warn(
@@ -236,8 +215,7 @@ def response_pattern(
     source = f"analysis of variance of the pixels' slopes over {len(levels)} levels, smooth shading taken out"
     for name in PARTS:
         found.add(f"prnu.{name}", root(getattr(split, name), relative=uncertain), "fraction", source)
-    shading = np.ptp(surface(pattern))
-    if shading > 0.01:
+    if (shading := np.ptp(surface(pattern))) > 0.01:
         found.warn(f"shading: the light or the response varies smoothly by {shading:.1%} over the frame")
     if split.defects:
         found.warn(f"defects: {split.defects} pixels with an outlying response are excluded from PRNU")
@@ -254,8 +232,7 @@ def _noise_over(colours: np.ndarray, moments: GroupMoments, result: PhotonTransf
 
 def colour_efficiency(found: Findings, mosaic: Mosaic) -> None:
     """Quantum efficiency of green, whose share of a flat's mean signal is known."""
-    mean = found.parameters.get("quantum_efficiency")
-    if mean is None:
+    if (mean := found.parameters.get("quantum_efficiency")) is None:
         return
     share = sum(mosaic.response[i] for i in mosaic.green) / 2
     interval = (mean.value * share, mean.low * share, mean.high * share)
@@ -265,22 +242,20 @@ def colour_efficiency(found: Findings, mosaic: Mosaic) -> None:
 def capacity(found: Findings, result: PhotonTransferResult, pattern: Parts | None) -> None:
     """Full well from levels that charge clips."""
     spread = math.sqrt(max(pattern.total[0], 0.0)) if pattern else 0.0
-    well = full_well(result, spread)
-    if well is None:
+    if (well := photon_transfer.full_well(result, spread)) is None:
         lower_gain = "a lower gain: at this gain the converter clips before the full well"
-        clips = converter_clips(result.levels[-1])
+        clips = photon_transfer.converter_clips(result.levels[-1])
         found.miss("full_well_e", lower_gain if clips else "calibrated flats beyond saturation")
         return
-    found.add(
-        "full_well_e", symmetric(*well, result.df), "e-", "mean of the brightest flats against the light"
-    )
+    source = "mean of the brightest flats against the light"
+    found.add("full_well_e", symmetric(*well, result.df), "e-", source)
 
 
 def gain_law(found: Findings, measured: Measured, result: PhotonTransferResult) -> None:
     """How the gain follows its setting: slope of measured over nominal decibels, 1 where it does exactly."""
     points = [(measured.gain_db, result.gain_dn_per_e, result.gain_error)]
     for gain_db, levels in measured.other_gains.items():
-        other = transfer([v for v in levels if v.flat.n > 1 and v.dark.n > 1])
+        other = photon_transfer.transfer([v for v in levels if v.flat.n > 1 and v.dark.n > 1])
         if other is not None:
             points.append((gain_db, other.gain_dn_per_e, other.gain_error))
     if len(points) < 2:
@@ -290,18 +265,13 @@ def gain_law(found: Findings, measured: Measured, result: PhotonTransferResult) 
     measured_db = 20 * np.log10([p[1] for p in points])
     errors = 20 / math.log(10) * np.array([p[2] / p[1] for p in points])
     weights = 1 / errors**2
-    centre = (weights * db).sum() / weights.sum()
-    spread = (weights * (db - centre) ** 2).sum()
-    slope = float((weights * (db - centre) * measured_db).sum() / spread)
-    residual = measured_db - (weights * measured_db).sum() / weights.sum() - slope * (db - centre)
+    slope, _, lever, spread = weighted_line(db, measured_db, weights)
+    residual = measured_db - (weights * measured_db).sum() / weights.sum() - slope * lever
     misfit = float((weights * residual**2).sum()) / max(len(db) - 2, 1)
     error = math.sqrt(max(misfit if len(db) > 2 else 0.0, 1.0) / spread)
     source = f"photon transfer at {len(db)} gain settings"
     found.add("gain_law.slope", symmetric(slope, error, result.df), "dB/dB", source)
-    found.curves["gain_law"] = {
-        "gain_db": db,
-        "measured_db": measured_db - measured_db[0] + db[0],
-        "error_db": errors,
-    }
+    shown_db = measured_db - measured_db[0] + db[0]
+    found.curves["gain_law"] = {"gain_db": db, "measured_db": shown_db, "error_db": errors}
     if abs(slope - 1) > 3 * error + 0.02:
         found.warn(f"gain_law: 1 dB of the setting is {slope:.3f} dB of gain, not 1")

@@ -3,13 +3,12 @@
 import copy
 import os
 from collections.abc import Mapping
-from enum import IntFlag
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from visaug.characterization.alike import SAME_C
+from visaug.characterization.alike import SAME_C, degrees_apart
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments, Place, largest_place, mean_map, pixel_variances
 from visaug.characterization.nonuniformity import surface, two_way
@@ -22,31 +21,17 @@ if TYPE_CHECKING:
     from visaug.characterization.result import Characterization
 
 
-class Defect(IntFlag):
-    """Bits of the map of defects."""
-
-    HOT = 1
-    DEAD = 2
-    UNSTEADY = 4
+DEFECTS = {"hot": 1, "dead": 2, "unsteady": 4}  # bits of the map of defects
 
 
 def add_maps(found: Findings, measured: Measured) -> None:
-    """Add `dark_current` (e-/s; DN/s where the gain is unknown) and `defects` (bits of `Defect`)."""
-    defects: np.ndarray | None = None
-    shown: Place | None = None  # the window of the first map; others of the same size show other pixels
-
-    def mark(which: np.ndarray, bit: Defect, place: Place | None) -> None:
-        nonlocal defects, shown
-        if defects is None:
-            defects, shown = np.zeros(which.shape, np.uint8), place
-        if shown == place:
-            defects[which] |= bit.value
-
+    """Add `dark_current` (e-/s; DN/s where the gain is unknown) and `defects` (bits of `DEFECTS`)."""
+    marked: list[tuple[str, np.ndarray, Place | None]] = []
     warmest = _warmest(measured)
     odd = 8.0  # robust standard deviations
     if warmest:
         rate, error = _rates(measured, warmest)
-        mark(_stands_out(rate) > odd, Defect.HOT, warmest[0].place)
+        marked.append(("hot", _stands_out(rate) > odd, warmest[0].place))
         scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
         found.maps["dark_current"] = (rate * scale).astype(np.float32)
         found.dark_current_error = error * scale
@@ -54,17 +39,23 @@ def add_maps(found: Findings, measured: Measured) -> None:
         found.dark_current_at_c = float(np.mean(known)) if known else None
     still = measured.still
     if still is not None and still.n >= 8:
-        mark(_stands_out(_deviation(measured, still)) > odd, Defect.UNSTEADY, still.place)
-    response = found.maps.get("response")
-    if response is not None:
-        mark(np.abs(_stands_out(response)) > odd, Defect.DEAD, found.response_place)
+        first = measured.frames.read(still.group.indices[0]).astype(np.float64)
+        variances = pixel_variances(measured.frames, still.group.indices, lambda _: first)
+        deviation = np.log(np.sqrt(variances + 1 / 12))  # rounding added
+        marked.append(("unsteady", _stands_out(deviation) > odd, still.place))
+    if (response := found.maps.get("response")) is not None:
+        marked.append(("dead", np.abs(_stands_out(response)) > odd, found.response_place))
     if found.stuck is not None:
-        mark(found.stuck, Defect.DEAD, measured.moments[0].place)  # of sets of one window alone
-    if defects is not None:
-        found.maps["defects"] = defects
-        counts = {name: np.count_nonzero(defects & bit.value) for name, bit in Defect.__members__.items()}
+        marked.append(("dead", found.stuck, measured.moments[0].place))  # of sets of one window alone
+    if marked:
+        defects = found.maps["defects"] = np.zeros(marked[0][1].shape, np.uint8)
+        for name, which, place in marked:
+            # the window of the first map; others of the same size show other pixels
+            if place == marked[0][2]:
+                defects[which] |= DEFECTS[name]
+        counts = {name: np.count_nonzero(defects & bit) for name, bit in DEFECTS.items()}
         if any(counts.values()):
-            found.warn("defect_pixels: " + ", ".join(f"{c} {n.lower()}" for n, c in counts.items() if c))
+            found.warn("defect_pixels: " + ", ".join(f"{c} {n}" for n, c in counts.items() if c))
 
 
 def map_headers(found: Findings) -> dict[str, dict[str, str | float]]:
@@ -90,16 +81,12 @@ def _warmest(measured: Measured) -> list[GroupMoments]:
     place = largest_place(measured.darks)
     groups = [m for m in (*measured.darks, *measured.biases) if m.place == place]
     known = sorted({m.group.temperature_c for m in groups if m.group.temperature_c is not None}, reverse=True)
-    for t in (*known, None):
-        same = [m for m in groups if _at(m.group.temperature_c, t)]
+    for t in (*known, None):  # None is a temperature of its own
+        alike = [m for m in groups if (m.group.temperature_c is None) == (t is None)]
+        same = [m for m in alike if degrees_apart(m.group.temperature_c, t) <= SAME_C]
         if len({m.group.exposure_s for m in same}) > 1:
             return same
     return []
-
-
-def _at(temperature_c: float | None, t: float | None) -> bool:
-    """Whether a group was taken at `t`; None is a temperature of its own."""
-    return temperature_c is t if temperature_c is None or t is None else abs(temperature_c - t) <= SAME_C
 
 
 def _rates(measured: Measured, groups: list[GroupMoments]) -> tuple[np.ndarray, float]:
@@ -115,12 +102,6 @@ def _rates(measured: Measured, groups: list[GroupMoments]) -> tuple[np.ndarray, 
         like = m if m.n > 1 else min(several, key=lambda s: abs(s.mean - m.mean), default=m)
         square += weight**2 * float(np.median(like.row_variances)) / m.n
     return rate, float(np.sqrt(square))
-
-
-def _deviation(measured: Measured, still: GroupMoments) -> np.ndarray:
-    """Logarithm of every pixel's standard deviation over the still frames, rounding added."""
-    first = measured.frames.read(still.group.indices[0]).astype(np.float64)
-    return np.log(np.sqrt(pixel_variances(measured.frames, still.group.indices, lambda _: first) + 1 / 12))
 
 
 def camera_maps(result: "Characterization") -> dict[str, np.ndarray]:
@@ -171,7 +152,6 @@ def with_pixel_spread(values: np.ndarray, deviation: float) -> np.ndarray:
 
 def without_noise(values: np.ndarray, error: float) -> np.ndarray | None:
     """The map with its pixel part drawn to the deviation that it has without noise of `error`.
-
     Returns None if noise of `error` explains the deviation of the pixels and no pixel is defective.
     """
     residual, width, free, defects = _pixel_part(values)

@@ -28,42 +28,32 @@ class ModelCheck:
 CHECKS = (
     ModelCheck("every pixel answers to light", 0.001, ("stuck_pixels", "overscan")),
     ModelCheck("one step of the converter is 1 DN", 0.001, ("code_gaps", "bits_missing")),
-    ModelCheck(
-        "frames of a group differ by noise alone",
-        0.01,
-        ("stale_frame", "cosmic_rays", "lamp_band", "frames_dependent"),
-    ),
+    ModelCheck("frames of a group differ by noise alone", 0.01,
+               ("stale_frame", "cosmic_rays", "lamp_band", "frames_dependent")),
     ModelCheck("the noise of neighbours is independent", 0.005, ("correlated_noise",)),
-    ModelCheck(
-        "variance is proportional to the signal", 0.006, ("photon_transfer_bent", "photon_transfer_scattered")
-    ),
+    ModelCheck("variance is proportional to the signal", 0.006,
+               ("photon_transfer_bent", "photon_transfer_scattered")),
     ModelCheck("all pixels have one gain", 0.002, ("gain_uneven",)),
     ModelCheck("flats are dark frames plus light", 0.001, ("flat_pedestal", "dark_temperature")),
     ModelCheck("dark current grows as silicon's", 0.001, ("dark_current_flat",)),
     ModelCheck("the response is even or white", 0.005, ("periodic_response", "structured_light")),
-    ModelCheck(
-        "headers agree with pixels",
-        0.001,
-        ("mosaic_contradicted", "photons_contradicted", "photons_implausible", "lossy_frames"),
-    ),
-)
+    ModelCheck("headers agree with pixels", 0.001,
+               ("mosaic_contradicted", "photons_contradicted", "photons_implausible", "lossy_frames")),
+)  # fmt: skip
 
 
 def screened(frames: FrameSet, facts: list[Facts], found: Findings) -> tuple[FrameSet, list[Facts]]:
     """The frames without stale ones, columns and rows that see no light, stuck pixels and cosmic rays."""
     frames, facts = in_time.without_stale(frames, facts, merged_groups(frames, facts), found)
     groups = merged_groups(frames, facts)
-    seen = defective.extremes(frames, facts, groups)
-    if seen is None:
+    if (seen := defective.extremes(frames, facts, groups)) is None:
         return frames, facts
     codes.check(seen, found)
-    window = defective.lit_window(frames, seen, found)
-    if window is not None:
+    if (window := defective.lit_window(frames, seen, found)) is not None:
         found.lit = window
         frames, seen = defective.cut(frames, seen, window)
         facts = look(frames)
-    stuck = defective.stuck_pixels(seen, found)
-    if stuck is not None:
+    if (stuck := defective.stuck_pixels(seen, found)) is not None:
         frames = defective.without(frames, stuck)
     return in_time.without_hits(frames, groups, found), facts
 

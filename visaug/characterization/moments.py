@@ -17,7 +17,6 @@ Place = tuple[tuple[int, int], Window | None]
 @dataclass(frozen=True)
 class TemporalParts:
     """Mean squares of the temporal noise about the mean map and their degrees of freedom.
-
     Expectations: ``frame`` HW s_t^2 + W s_tv^2 + H s_th^2 + s_tvh^2; ``row`` W s_tv^2 + s_tvh^2; ``column`` H s_th^2 + s_tvh^2;
     ``pixel`` s_tvh^2 (t frame, v row, h column). The 3-D noise model: J. D'Agostino and C. Webb, Proc. SPIE 1488 (1991) 110.
     """
@@ -34,35 +33,24 @@ class TemporalParts:
 
 @dataclass(frozen=True)
 class GroupMoments:
-    """First and second moments of one group.
-
-    Attributes:
-        n: number of frames.
-        shape: rows and columns.
-        frame_means: (n,) mean of each frame, DN.
-        row_means: (H,) mean over frames and columns, DN.
-        column_means: (W,) mean over frames and rows, DN.
-        row_variances: (H,) mean over columns of the pixels' variance over frames (n - 1 in it), DN^2; 0 for one frame.
-        spatial_variance: variance of the mean map (HW - 1 in it), DN^2.
-        temporal: mean squares of the temporal noise, None for one frame.
-        clipped_low, clipped_high: share of pixels at 0 and at the converter's top.
-        step_dn: distance of neighbouring codes, DN.
-    """
+    """First and second moments of one group."""
 
     group: Group
-    n: int
-    shape: tuple[int, int]
-    frame_means: np.ndarray
-    row_means: np.ndarray
-    column_means: np.ndarray
+    n: int  # number of frames
+    shape: tuple[int, int]  # rows and columns
+    frame_means: np.ndarray  # (n,) mean of each frame, DN
+    row_means: np.ndarray  # (H,) mean over frames and columns, DN
+    column_means: np.ndarray  # (W,) mean over frames and rows, DN
+    # (H,) mean over columns of the pixels' variance over frames (n - 1 in it), DN^2; 0 for one frame
     row_variances: np.ndarray
-    spatial_variance: float
-    temporal: TemporalParts | None
+    spatial_variance: float  # variance of the mean map (HW - 1 in it), DN^2
+    temporal: TemporalParts | None  # mean squares of the temporal noise, None for one frame
+    # share of pixels at 0 and at the converter's top
     clipped_low: float
     clipped_high: float
     columns_by_frame: np.ndarray = field(repr=False)
     rows_by_frame: np.ndarray = field(repr=False)
-    step_dn: float = 1.0
+    step_dn: float = 1.0  # distance of neighbouring codes, DN
 
     @property
     def place(self) -> Place:

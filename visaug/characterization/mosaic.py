@@ -14,7 +14,6 @@ PLAIN = 0.02  # of the signal: neighbours on a diagonal of a monochrome sensor d
 @dataclass(frozen=True)
 class Mosaic:
     """Response of the four places of a 2 x 2 over their mean, and their names.
-
     The greens are the diagonal whose two places are more alike, unless the header tells the pattern.
     """
 
@@ -45,10 +44,8 @@ class Mosaic:
 
 def find_mosaic(frames: FrameSet, facts: Sequence[Facts]) -> Mosaic | None:
     """The mosaic that a header tells or bright flats show; None for a monochrome sensor.
-
     Where the two places that a header calls green differ, and those of the other diagonal are alike, the flats are believed, and
     `contradicted` says so.
-
     Rows or columns that differ, odd from even, make no mosaic: there the sums of both diagonals are alike.
     """
     told = {r.bayer for r in frames.records if r.bayer is not None}
@@ -80,9 +77,7 @@ def find_mosaic(frames: FrameSet, facts: Sequence[Facts]) -> Mosaic | None:
 
 def _contradicted(pattern: str, response: np.ndarray) -> bool:
     """Whether the flats show the greens on the other diagonal than the pattern: a colour is no plain difference of two greens."""
-    greens, others = (
-        abs(float(np.subtract(*response[[i for i, c in enumerate(pattern) if (c == "G") == green]])))
-        for green in (True, False)
-    )
+    places = [[i for i, c in enumerate(pattern) if (c == "G") == green] for green in (True, False)]
+    greens, others = (abs(float(np.subtract(*response[pair]))) for pair in places)
     # of the signal: crosstalk from red and blue parts the greens of one sensor by a few per cent
     return greens > max(0.08, others)

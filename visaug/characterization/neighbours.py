@@ -43,7 +43,6 @@ class Covariances:
 
 def covariances(frames: FrameSet, moments: GroupMoments) -> Covariances:
     """Of the residuals about the group's mean map, the mean of each row and column of each frame taken out.
-
     Taking them out leaves -v/W between pixels of one row and -v/H between those of one column: added back.
     """
     indices, part = moments.group.indices, middle(moments.shape)
@@ -94,8 +93,7 @@ def with_covariances(measured: Measured, found: Findings) -> Measured:
     elif in_dark:
         found.warn(
             f"correlated_noise: the noise of neighbours in dark frames correlates by {_largest(dark):+.3f} "
-            "and that of light does "
-            "not: read noise contains noise that neighbours share",
+            "and that of light does not: read noise contains noise that neighbours share",
             spoils=("read_noise.*",),
         )
     return measured
@@ -109,8 +107,7 @@ def _warn_shared(found: Findings, correlation: np.ndarray) -> None:
         "covariances, the emva figures from the variance alone",
         spoils=_OF_THE_STANDARD,
     )
-    share = _coupling(beside)
-    if share > 0:
+    if (share := _coupling(beside)) > 0:
         found.effects.append({"name": "interpixel_crosstalk", "share": share})
 
 
@@ -157,9 +154,8 @@ def _alike(light: np.ndarray, dark: np.ndarray) -> bool:
     beside = np.minimum(light[:2], dark[:2])
     smoothed = 0.05  # correlation with the next pixel: half of what a Gaussian filter of 0.4 px makes
     alike = 0.25  # of the larger correlation: after one filter, rounding alone makes them differ
-    return bool(
-        (beside > smoothed).all() and (np.abs(light - dark)[:2] < alike * np.maximum(light, dark)[:2]).all()
-    )
+    is_alike = np.abs(light - dark)[:2] < alike * np.maximum(light, dark)[:2]
+    return bool((beside > smoothed).all() and is_alike.all())
 
 
 def _largest(values: np.ndarray) -> float:

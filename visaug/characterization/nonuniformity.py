@@ -31,14 +31,11 @@ class Parts:
 
 def parts(pattern: np.ndarray, noise: Sequence[tuple[float, GroupMoments]], detrend: bool = False) -> Parts:
     """Row, column and pixel variance of a map, the temporal noise that is left in it taken off.
-
     Two-way analysis of variance: with rows R, columns C and pixels P independent, the mean squares expect
     W s_R^2 + s_P^2, H s_C^2 + s_P^2 and s_P^2, each plus its own share of the temporal noise.
-
-    Args:
-        pattern: (H, W) map.
-        noise: what is left of temporal noise: (factor, moments), the variance of a frame's noise times factor.
-        detrend: take out a surface of second order first (light falls off smoothly; a pattern is white).
+    `pattern`: (H, W) map.
+    `noise`: what is left of temporal noise: (factor, moments), the variance of a frame's noise times factor.
+    `detrend`: take out a surface of second order first (light falls off smoothly; a pattern is white).
     """
     height, width = pattern.shape
     row_df, column_df, lost = height - 1, width - 1, 0
@@ -105,26 +102,19 @@ def surface(values: np.ndarray) -> np.ndarray:
     return (weights @ basis).reshape(values.shape)
 
 
-def release_4(
-    measured: GroupMoments,
-    total_noise: float | None = None,
-    column_noise: float | None = None,
-    row_noise: float | None = None,
-) -> dict[str, float]:
+def release_4(measured: GroupMoments, noise: tuple[float, float, float] | None = None) -> dict[str, float]:
     """Spatial variances of a stack by EMVA 1288 release 4, DN^2 (may be negative).
-
-    Args:
-        total_noise, column_noise, row_noise: temporal variance that is left in the mean of the pixels, of the column
-            means and of the row means; by default that of white noise, as the standard has it.
+    `noise`: temporal variance that is left in the mean of the pixels, of the column means and of the row means; by default
+    that of white noise, as the standard has it.
     """
     height, width = measured.shape
     # The standard divides by the number of rows or columns; with noise as measured the estimate is unbiased instead.
-    lost = 0 if column_noise is None and row_noise is None else 1
-    noise = float(measured.row_variances.mean()) / measured.n
-    total = measured.spatial_variance - (noise if total_noise is None else total_noise)
-    columns = float(measured.column_means.var(ddof=lost))
-    columns -= noise / height if column_noise is None else column_noise
-    rows = float(measured.row_means.var(ddof=lost)) - (noise / width if row_noise is None else row_noise)
+    lost = 0 if noise is None else 1
+    white = float(measured.row_variances.mean()) / measured.n
+    of_pixels, of_columns, of_rows = noise or (white, white / height, white / width)
+    total = measured.spatial_variance - of_pixels
+    columns = float(measured.column_means.var(ddof=lost)) - of_columns
+    rows = float(measured.row_means.var(ddof=lost)) - of_rows
     size = height * width
     rest = size - height - width
     return {
@@ -140,16 +130,12 @@ def not_white(m: GroupMoments) -> list[str]:
     t = m.temporal
     if t is None or t.pixel <= 0:
         return []
-    return [
-        name
-        for name, square, df in (("row", t.row, t.row_df), ("column", t.column, t.column_df))
-        if stats.f.sf(square / t.pixel, df, t.pixel_df) < 1e-3  # false alarms
-    ]
+    lines, false_alarms = (("row", t.row, t.row_df), ("column", t.column, t.column_df)), 1e-3
+    return [name for name, square, df in lines if stats.f.sf(square / t.pixel, df, t.pixel_df) < false_alarms]
 
 
 def corrected_split(m: GroupMoments) -> dict[str, float]:
     """Release 4's spatial variances with the temporal variance that rows and columns have, DN^2.
-
     The standard takes off sigma^2 / (L M) from the variance of column means and sigma^2 / (L N) from that of row
     means, as for white noise. Here the variance of these means over the frames is measured, the frame's own mean
     taken out, and divided by L: right for any noise that is independent from frame to frame.
@@ -159,7 +145,7 @@ def corrected_split(m: GroupMoments) -> dict[str, float]:
         steady = means - means.mean(1, keepdims=True)
         return float(steady.var(axis=0, ddof=1).mean()) / m.n
 
-    return release_4(m, m.variance / m.n, noise(m.columns_by_frame), noise(m.rows_by_frame))
+    return release_4(m, (m.variance / m.n, noise(m.columns_by_frame), noise(m.rows_by_frame)))
 
 
 def tile(pattern: np.ndarray) -> np.ndarray | None:
@@ -184,7 +170,6 @@ def tile(pattern: np.ndarray) -> np.ndarray | None:
 def structured(pattern: np.ndarray) -> tuple[float, float]:
     """Variance of the means of 8 x 8 blocks, rows, columns and a smooth surface taken out: its probability among white
     pixels, and what exceeds these as a share of the variance of the pixels.
-
     Light that is uneven (dust, a lens that falls off faster than by the square of the distance) makes blocks differ.
     """
     block = 8  # pixels, the side of the blocks over which structure is looked for

@@ -16,6 +16,7 @@ from scipy import optimize, stats
 
 from visaug.camera import Camera
 from visaug.characterization import dark_current, tukey
+from visaug.characterization.dark import miss_law
 from visaug.characterization.groups import Measured
 from visaug.characterization.light import NEEDS_FLATS, NEEDS_PHOTONS
 from visaug.characterization.moments import GroupMoments
@@ -30,8 +31,7 @@ def procedure(found: Findings, measured: Measured, camera: Camera | None) -> Non
         found.gain = MeasuredGain(1 / camera.gain_at(measured.gain_db), 0.0, measured=False)
     found.miss("gain_e_per_dn", NEEDS_FLATS + "; this procedure has none")
     found.miss("quantum_efficiency", NEEDS_PHOTONS + "; this procedure has none")
-    still = measured.still
-    if still is None:
+    if (still := measured.still) is None:
         found.miss("read_noise.sigma_e", NEEDS_STILL)
     else:
         _bias(found, measured, still)
@@ -120,9 +120,7 @@ def _matched(histogram: np.ndarray, edges: np.ndarray, frames: int | None) -> fl
 
 def _shares(shape: float, edges: np.ndarray, frames: int | None) -> np.ndarray:
     """Shares of a Tukey-lambda law between edges in its standard deviations.
-
-    Args:
-        frames: number of frames whose mean was taken out of each; None for the law itself.
+    `frames`: number of frames whose mean was taken out of each; None for the law itself.
     """
     law = tukey.standard(round(float(shape), 5))
     if frames is None:
@@ -130,9 +128,8 @@ def _shares(shape: float, edges: np.ndarray, frames: int | None) -> np.ndarray:
     else:  # (1 - 1/n) x less 1/n of the others, by the characteristic function
         step = 0.02
         t = step * (np.arange(2000) + 0.5)
-        phi = law.phi(t * math.sqrt(1 - 1 / frames)) * law.phi(t / math.sqrt(frames * (frames - 1))) ** (
-            frames - 1
-        )
+        others = law.phi(t / math.sqrt(frames * (frames - 1))) ** (frames - 1)
+        phi = law.phi(t * math.sqrt(1 - 1 / frames)) * others
         distribution = 0.5 + step / math.pi * np.sin(np.outer(edges, t)) @ (phi / t)
     model = np.diff(distribution)
     return model / model.sum()
@@ -149,14 +146,10 @@ def _dark(found: Findings, measured: Measured) -> None:
         kept = means[1:-1] if len(means) >= 4 else means  # fewer frames keep their smallest and largest mean
         point = (m.group.exposure_s, float(kept.mean()) * scale)
         by_temperature.setdefault(m.group.temperature_c, []).append(point)
-    lines: dict[float, Any] = {
-        t: stats.linregress(*np.array(points).T)
-        for t, points in by_temperature.items()
-        if len({e for e, _ in points}) > 1
-    }
+    ladders = {t: np.array(p).T for t, p in by_temperature.items() if len({e for e, _ in p}) > 1}
+    lines: dict[float, Any] = {t: stats.linregress(*points) for t, points in ladders.items()}
     if len(lines) < 2:
-        for name in ("dark_current.a_e_per_s", "dark_current.b_per_c"):
-            found.miss(name, "dark frames at two or more exposures and two or more temperatures")
+        miss_law(found)
         return
     temperatures, rates = np.array(list(lines)), np.array([line.slope for line in lines.values()])
     if (rates > 0).sum() < 2:

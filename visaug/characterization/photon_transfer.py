@@ -20,25 +20,18 @@ _COLLAPSE = 0.7  # variance below this share of the shot noise's tells clipping
 
 @dataclass(frozen=True)
 class PhotonTransferResult:
-    """Results in DN and photons; errors are one standard deviation, relative where the name says so.
-
-    Attributes:
-        gain_dn_per_e: slope at zero signal by weighted least squares over all safe levels.
-        curvature_per_dn: c of the variance K S (1 + c S), its standard error beside it; None for fewer levels than tell it.
-        flats_alone: whether the variance without light was fitted, since dark frames do not tell it.
-        response: the signal's course over photons, None where the source is not calibrated.
-        safe: positions of the levels that are clear of saturation.
-        scatter: root mean square deviation of the variances from the curve over them, 0 where it is that of their noise.
-    """
+    """Results in DN and photons; errors are one standard deviation, relative where the name says so."""
 
     levels: tuple[FlatLevel, ...]
-    gain_dn_per_e: float
+    gain_dn_per_e: float  # slope at zero signal by weighted least squares over all safe levels
     gain_error: float
     df: float
+    # c of the variance K S (1 + c S), its standard error beside it; None for fewer levels than tell it
     curvature_per_dn: tuple[float, float] | None
-    flats_alone: bool
-    response: Response | None
-    safe: tuple[int, ...]
+    flats_alone: bool  # whether the variance without light was fitted, since dark frames do not tell it
+    response: Response | None  # the signal's course over photons, None where the source is not calibrated
+    safe: tuple[int, ...]  # positions of the levels that are clear of saturation
+    # root mean square deviation of the variances from the curve over them, 0 where it is that of their noise
     scatter: float = 0.0
 
     @property
@@ -53,25 +46,22 @@ class PhotonTransferResult:
 def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTransferResult | None:
     """The photon transfer of a sweep of flats; None where no level clear of saturation has signal and temporal noise, or where
     the interval of the gain holds 0.
-
     Variance V against signal S follows K S (1 + c S): c is what the response, or charge that shares, bends.
-
-    Args:
-        dark_tells: whether mean and variance of the dark frames are those of the camera. Where they are cut
-            at 0 or rounded away, the flats alone tell the gain: V against the mean, its intercept free.
+    `dark_tells`: whether mean and variance of the dark frames are those of the camera. Where they are cut
+    at 0 or rounded away, the flats alone tell the gain: V against the mean, its intercept free.
     """
-    levels = tuple(levels)
-    if not levels:
+    if not (levels := tuple(levels)):
         return None
-    saturation = saturated_level(levels)
-    safe = safe_levels(levels, saturation, dark_tells)
+    safe = safe_levels(levels, saturated_level(levels), dark_tells)
     if len(safe) < (1 if dark_tells else 2):
         return None
     chosen = [levels[i] for i in safe]
     noise = np.array([v.flat.variance + v.dark.variance for v in chosen])
     weights = 1 / np.maximum(noise, 1e-12)  # a variance is known to a share of itself
     pedestal = 0.0 if dark_tells else min(v.flat.mean for v in chosen)
-    powers = _powers(chosen, dark_tells)
+    signals = [v.signal for v in chosen]
+    bends = len(chosen) >= 4 and max(signals) >= 3 * min(signals)  # or a bend cannot be seen
+    powers = (0, 1) if not dark_tells else (1, 2) if bends else (1,)
 
     def curve(rows: np.ndarray) -> dict[str, float]:
         if dark_tells:
@@ -112,11 +102,9 @@ def _scatter(
     levels: Sequence[FlatLevel], basis: np.ndarray, inverse: np.ndarray, dark_tells: bool
 ) -> tuple[float, float, int]:
     """Relative deviation of the variances from their curve, how many times their noise that is, and its degrees of freedom.
-
     Zeros where noise explains it.
     """
-    spare = len(levels) - basis.shape[1]
-    if spare < 1:
+    if (spare := len(levels) - basis.shape[1]) < 1:
         return 0.0, 0.0, 0
     y = np.array([v.variance_of_all + (0.0 if dark_tells else v.dark.variance) for v in levels])
     errors = np.array([v.variance_error for v in levels])
@@ -133,13 +121,6 @@ def _errors(inverse: np.ndarray, powers: tuple[int, ...], errors: Sequence[float
     return {p: float(np.sqrt(((row * errors) ** 2).sum())) for p, row in zip(powers, inverse)}
 
 
-def _powers(levels: Sequence[FlatLevel], dark_tells: bool) -> tuple[int, ...]:
-    """Powers of the signal in the fit: as many as the levels carry."""
-    signals = [v.flat.mean if not dark_tells else v.signal for v in levels]
-    carries = len(levels) >= 4 and max(signals) >= 3 * min(signals)  # a bend can be seen
-    return (1, 2) if dark_tells and carries else (1,) if dark_tells else (0, 1)
-
-
 def saturated_level(levels: Sequence[FlatLevel]) -> int | None:
     """Position of the largest temporal variance, if it falls again at brighter levels or pixels clip."""
     variances = np.array([v.flat.variance for v in levels])
@@ -150,9 +131,7 @@ def saturated_level(levels: Sequence[FlatLevel]) -> int | None:
     return top if falls or clips else None
 
 
-def safe_levels(
-    levels: Sequence[FlatLevel], saturation: int | None, dark_tells: bool = True
-) -> tuple[int, ...]:
+def safe_levels(levels: Sequence[FlatLevel], saturation: int | None, dark_tells: bool) -> tuple[int, ...]:
     safe = 0.85  # of saturation: the camera's own gain may use more levels than the standard's fit
     limit = math.inf if saturation is None else safe * levels[saturation].signal
     clear = [v.flat.clipped_high == 0 and v.photons != 0 and 0 < v.signal <= limit for v in levels]
@@ -166,7 +145,6 @@ def safe_levels(
 
 def below(level: FlatLevel, full: FlatLevel) -> bool:
     """Whether clipping leaves a level's variance alone, as far as a saturated level tells.
-
     Its pixels lie three standard deviations below the saturated mean: clipping there takes 0.3 % of a normal variance.
     """
     spread = math.sqrt(max(level.flat.variance, 0.0) + level.flat.spatial_variance)
@@ -176,7 +154,6 @@ def below(level: FlatLevel, full: FlatLevel) -> bool:
 
 def rounds_evenly(moments: GroupMoments) -> bool:
     """Whether the noise spreads over enough DN that rounding adds 1/12 DN^2 and no bias of the mean.
-
     For normal noise of s DN the variance is off by at most 4 (s^2 + 1/(4 pi^2)) exp(-2 pi^2 s^2), below 0.3 %
     from s = 0.6 on (W. F. Sheppard's corrections; B. Widrow, IRE Trans. Circuit Theory 3 (1956) 266).
     """
@@ -219,7 +196,6 @@ def emva_sensitivity(
 
 def emva_linearity(levels: Sequence[FlatLevel], saturation: int | None) -> dict[str, Interval] | None:
     """Release 3: least and largest relative deviation from a line fitted to relative deviations, 5 to 95 %.
-
     The extremes of noise are no deviations of the camera: the intervals are those of the extremes of a band that holds all levels'
     deviations at once.
     """
@@ -279,7 +255,6 @@ def converter_clips(level: FlatLevel) -> bool:
 
 def full_well(found: PhotonTransferResult, nonuniformity: float) -> tuple[float, float] | None:
     """Full well in electrons and its standard error, from the brightest level that charge clips; else None.
-
     The mean of a normal signal (shot noise and PRNU) clipped at F is known; F is where it meets the measured one.
     """
     if found.response is None:

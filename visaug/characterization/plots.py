@@ -117,16 +117,13 @@ def figure(curves: Mapping[str, Mapping[str, np.ndarray]], name: str) -> "Figure
         one.grid(color="#e6eaef", linewidth=0.7)
         one.set_axisbelow(True)
     draw(axes, curves[name])
-    if any(
-        one.get_legend_handles_labels()[1] for one in np.atleast_1d(axes)
-    ):  # above, so that it covers no data
+    # above, so that it covers no data
+    if any(one.get_legend_handles_labels()[1] for one in np.atleast_1d(axes)):
         made.legend(loc="outside upper left", ncols=3, frameon=False, fontsize=9)
     return made
 
 
 def figures(curves: Mapping[str, Mapping[str, np.ndarray]]) -> "dict[str, Figure]":
     """Every figure whose curve has more than one place along its axis, which its first array holds, by name."""
-    told = [
-        name for name in _FIGURES if name in curves and len(np.unique(next(iter(curves[name].values())))) > 1
-    ]
-    return {name: figure(curves, name) for name in told}
+    along = {name: next(iter(curves[name].values())) for name in _FIGURES if name in curves}
+    return {name: figure(curves, name) for name, values in along.items() if len(np.unique(values)) > 1}

@@ -1,14 +1,15 @@
 """Operating points: settings, filters and colours that a data sheet treats one by one."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from visaug.camera import Camera
+from visaug.characterization.alike import KINDS
 from visaug.characterization.result import Characterization
 from visaug.characterization.run import characterize
 from visaug.characterization.views import colour_plane
+from visaug.core.progress import Progress
 from visaug.frames import FrameRecord, FrameSet
 
 
@@ -21,24 +22,18 @@ class OperatingPoint:
 
     def to_json(self) -> dict[str, Any]:
         """Every figure, and the arrays of every plot of release 4."""
-        shown = {name: arrays for name, arrays in self.result.curves.items() if name.startswith("emva4_")}
         curves = {
-            name: {
-                k: [v if math.isfinite(v) else None for v in array.tolist()] for k, array in arrays.items()
-            }
-            for name, arrays in shown.items()
+            name: {k: [v if math.isfinite(v) else None for v in a.tolist()] for k, a in arrays.items()}
+            for name, arrays in self.result.curves.items()
+            if name.startswith("emva4_")
         }
         return {"name": self.name, **self.result.to_json(), "curves": curves}
 
 
 def operating_points(
-    frames: FrameSet,
-    camera: Camera | None = None,
-    seed: int = 0,
-    progress: Callable[[str, int, int], None] | None = None,
+    frames: FrameSet, camera: Camera | None = None, seed: int = 0, progress: Progress | None = None
 ) -> list[OperatingPoint]:
     """Characterize every operating point of a set by itself.
-
     Flats part by gain in dB, setting and filter; dark frames belong to the points of their gain and setting. Where
     the records name a Bayer mosaic, each of its four colours is a point, as the standard has it.
     """
@@ -56,9 +51,7 @@ def operating_points(
 
 
 def _settings(frames: FrameSet) -> list[tuple[str, FrameSet]]:
-    usable = [
-        i for i, r in enumerate(frames.records) if r.kind in ("bias", "dark", "flat") and r.combined == 1
-    ]
+    usable = [i for i, r in enumerate(frames.records) if r.kind in KINDS and r.combined == 1]
     records = [frames.records[i] for i in usable]
     keys = list(dict.fromkeys(_key(r) for r in records if r.kind == "flat"))
     keys = keys or list(dict.fromkeys((r.gain_db, r.setting, None) for r in records))

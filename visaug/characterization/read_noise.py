@@ -33,7 +33,6 @@ def fit(
     frames: FrameSet, indices: Sequence[int], moments: GroupMoments, other_variance: float = 0.0
 ) -> ReadNoiseResult:
     """Fit residuals of two or more frames about their own mean map; nothing may clip.
-
     The residual of n frames is (1 - 1/n) times one draw less 1/n times the n - 1 others, so its law is known from that of one
     draw through the characteristic function: no approximation for small n. Each draw is Tukey-lambda noise, rounding (uniform
     over a DN) and a Gaussian of `other_variance` (dark current's shot noise, DN^2). Offsets of whole frames, rows or columns
@@ -59,30 +58,26 @@ def fit(
     start = [math.log(spread), 0.05]
     simplex = [start, [start[0] + 0.05, 0.05], [start[0], -0.15]]
     options = {"initial_simplex": simplex, "xatol": 2e-5, "fatol": 1e-10}
-    best = optimize.minimize(loss, start, method="Nelder-Mead", options=options)
-    p = best.x
+    p = optimize.minimize(loss, start, method="Nelder-Mead", options=options).x
     errors = _sandwich(p, histogram, log_probabilities)
     model = np.exp(log_probabilities(p)) * counts.sum()
     sigma = math.exp(p[0]) / math.sqrt(kept)
-    return ReadNoiseResult(
-        sigma, float(p[1]), sigma * errors[0], errors[1], len(histogram) - 1, centres, counts, model
-    )
+    figures = sigma, float(p[1]), sigma * errors[0], errors[1], len(histogram) - 1
+    return ReadNoiseResult(*figures, centres, counts, model)
 
 
 def _histogram(
     frames: FrameSet, indices: Sequence[int], moments: GroupMoments
 ) -> tuple[float, np.ndarray, float]:
     """Bin width in DN, counts by block of rows and bin (the outermost take the rest), share of variance kept.
-
     Taking the mean of a row of W pixels out of each takes 1/W of the variance with it.
     """
     n, t = len(indices), moments.temporal
     assert t is not None
     centre = mean_map(frames, indices)
     sigma = math.sqrt(max(t.pixel, 0.05))
-    points = (
-        round(n * sigma / 8) // 2 * 2 + 1
-    )  # odd, so that none lies on the edge of a bin, eight of a sigma
+    # odd, so that none lies on the edge of a bin, eight of a sigma
+    points = round(n * sigma / 8) // 2 * 2 + 1
     width = points / n  # residuals of whole DN lie on multiples of 1/n
     half = math.ceil(40.0 * sigma / width)
     rows_flicker = unsteady(t.row, t.pixel, t.row_df)
@@ -152,15 +147,10 @@ def _sandwich(p: np.ndarray, histogram: np.ndarray, log_probabilities) -> tuple[
 
 @dataclass(frozen=True)
 class PixelNoiseSpread:
-    """Spread of the pixels' own read noise: standard deviation of log sigma, and a map.
+    """Spread of the pixels' own read noise: standard deviation of log sigma, and a map."""
 
-    Attributes:
-        variance: of log sigma, and its standard error; it may be negative by chance.
-        deviation_dn: (H, W) standard deviation of every pixel, rounding taken off, DN.
-    """
-
-    variance: tuple[float, float]
-    deviation_dn: np.ndarray
+    variance: tuple[float, float]  # of log sigma, and its standard error; it may be negative by chance
+    deviation_dn: np.ndarray  # (H, W) standard deviation of every pixel, rounding taken off, DN
 
     @property
     def spread(self) -> float:
@@ -174,7 +164,6 @@ class PixelNoiseSpread:
 
 def pixel_noise(frames: FrameSet, still: GroupMoments) -> PixelNoiseSpread | None:
     """Of six or more frames without light, else None.
-
     Pixels of one law have variances that scatter by chance, the more so the heavier its tails, but those of two halves of the
     frames scatter independently. Their logarithms covary by what pixels differ in, 4 s^2 where s is the spread of log sigma.
     """

@@ -15,26 +15,21 @@ from visaug.statistics.findings import FALSE_ALARM
 
 @dataclass(frozen=True)
 class Response:
-    """Signal of the light in DN over photons: slope at zero, its relative error, curvature per photon.
-
-    Attributes:
-        bent: whether the line bends beyond doubt (once in 500 by chance).
-        dark: how the dark current of flats longer than their dark frames was met: ``none`` (nothing to
-            meet), ``known``, ``fitted`` (beside the light), or ``unknown`` (it counts as light).
-        dark_share: by how much the slope would be higher if the dark current counted as light.
-        dark_dn_per_s: dark current that was fitted beside the light, and its standard error.
-        scatter: root mean square deviation of the signals from this course, as a share, where a lamp that changes as much as
-            from frame to frame exceeds it once in a thousand sets; else 0.
-    """
+    """Signal of the light in DN over photons: slope at zero, its relative error, curvature per photon."""
 
     dn_per_photon: float
     relative_error: float
     df: float
     curvature_per_photon: float
-    bent: bool
+    bent: bool  # whether the line bends beyond doubt (once in 500 by chance)
+    # how the dark current of flats longer than their dark frames was met: ``none`` (nothing to meet),
+    # ``known``, ``fitted`` (beside the light), or ``unknown`` (it counts as light)
     dark: str
-    dark_share: float
+    dark_share: float  # by how much the slope would be higher if the dark current counted as light
+    # dark current that was fitted beside the light, and its standard error
     dark_dn_per_s: tuple[float, float] = (0.0, 0.0)
+    # root mean square deviation of the signals from this course, as a share, where a lamp that changes as
+    # much as from frame to frame exceeds it once in a thousand sets; else 0
     scatter: float = 0.0
 
     def at(self, photons: float) -> float:
@@ -44,7 +39,6 @@ class Response:
 
 def response(levels: Sequence[FlatLevel], dark_tells: bool) -> Response | None:
     """Signal per photon at low light, and its standard error as an estimate of the camera's own.
-
     Parts of the error: pixels and rows (blocks of rows left out), columns (blocks of columns left out), and
     what the lamp does from frame to frame and from level to level.
     """
@@ -68,14 +62,12 @@ def response(levels: Sequence[FlatLevel], dark_tells: bool) -> Response | None:
     if not value > 0:
         return None
     dark_share = 1.0 if dark_tells else 0.0
-    rows = _left_out([v.flat.row_means - dark_share * v.dark.row_means for v in levels], influence)
-    columns_too = _left_out(
-        [v.flat.column_means - dark_share * v.dark.column_means for v in levels], influence
-    )
+    by_row = _left_out([v.flat.row_means - dark_share * v.dark.row_means for v in levels], influence)
+    by_column = _left_out([v.flat.column_means - dark_share * v.dark.column_means for v in levels], influence)
     gap = np.array([v.exposure_gap_s * (v.dark_rate_error or 0.0) for v in levels])
     rate = float(influence @ gap) ** 2 if dark_tells else 0.0
     light, spare = fit.by_lamp(0)
-    error, df = mean_error([(rows, 19), (columns_too, 19), (light, spare), (rate, 19)])
+    error, df = mean_error([(by_row, 19), (by_column, 19), (light, spare), (rate, 19)])
     with_dark = _influence(photons[:, None])[0] @ np.array([v.signal for v in levels])
     share = with_dark / value - 1 if dark != "none" and not bent else 0.0
     rate_of_dark = (0.0, 0.0)

@@ -1,8 +1,9 @@
 """What a characterization found: parameters with intervals, what stays open, curves and maps."""
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partialmethod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,14 +12,24 @@ from scipy import stats
 
 from visaug.camera import Camera
 from visaug.camera.patterns import fit_pattern
-from visaug.characterization.camera_content import CAMERA_KEYS, camera_content
+from visaug.characterization import plots
+from visaug.characterization.maps import camera_maps, with_maps
 from visaug.characterization.nonuniformity import two_way
 from visaug.core.errors import InputError
 from visaug.core.files import whole_file
+from visaug.effects.readout.read_noise import LEAST_SHAPE
 from visaug.statistics.findings import Estimate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+CAMERA_KEYS = (
+    "bit_depth", "quantum_efficiency", "gain_e_per_dn", "gain_db", "black_level_dn", "full_well_e", "exposure_s",
+    "temperature_c", "read_noise.sigma_e", "read_noise.shape", "dark_current.a_e_per_s", "dark_current.b_per_c",
+    "prnu.column", "prnu.row", "prnu.pixel", "dsnu.column_e", "dsnu.row_e", "dsnu.pixel_e",
+)  # fmt: skip
+_NEEDED = tuple(k for k in CAMERA_KEYS if k != "full_well_e")
+_SETTINGS = ("bit_depth", "gain_db", "exposure_s", "temperature_c")
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,10 +88,8 @@ class Characterization:
         return tuple(w.text for w in self.warning_details)
 
     def __repr__(self) -> str:
-        return (
-            f"Characterization({len(self.parameters)} parameters, {len(self.not_determined)} not determined, "
-            f"{len(self.warnings)} warnings)"
-        )
+        counts = f"{len(self.parameters)} parameters, {len(self.not_determined)} not determined"
+        return f"Characterization({counts}, {len(self.warnings)} warnings)"
 
     @property
     def is_noiseless(self) -> bool:
@@ -118,7 +127,26 @@ class Characterization:
         Raises:
             InputError: the gain is neither measured nor given, so nothing can be said in electrons.
         """
-        return camera_content(self)
+        found = {**self.assumed, **{k: e.value for k, e in self.parameters.items() if k in CAMERA_KEYS}}
+        found = {k: v for k, v in found.items() if k not in self.left_out}
+        if not self.has_gain:
+            raise InputError(
+                "the frames do not tell the gain, so there is no camera in electrons",
+                field="gain_e_per_dn",
+                expected=self.not_determined.get("gain_e_per_dn", "flats at several levels")
+                + ("" if self.method == "pictures" else ", or a camera that gives the gain"),
+            )
+        fresh = {"name": "characterized camera", "resolution": list(self.resolution or (1, 1))}
+        content: dict[str, Any] = copy.deepcopy(dict(self.base or fresh))
+        _put(content, found)
+        if effects := _effects(content, self):
+            content["effects"] = effects
+        if assumed := _assumptions(self, found):
+            content["assumed"] = assumed
+        if self.method == "pictures":
+            measured = {k: e for k, e in self.parameters.items() if not k.startswith("image.")}
+            content["source"] = {k: e.source for k, e in measured.items()}
+        return content
 
     @cached_property
     def camera(self) -> Camera:
@@ -140,9 +168,8 @@ class Characterization:
         from visaug.frames.writers import write_frame
 
         if suffix not in (".fits", ".tif", ".tiff", ".npy"):
-            raise InputError(
-                f"{suffix!r} is not a map format", field="suffix", expected=".fits, .tif or .npy"
-            )
+            problem = f"{suffix!r} is not a map format"
+            raise InputError(problem, field="suffix", expected=".fits, .tif or .npy")
         written = []
         for name, values in self.maps.items():
             path = Path(folder) / f"{name}{suffix}"
@@ -163,8 +190,6 @@ class Characterization:
         Raises:
             InputError: the gain is neither measured nor given, or the frames show a window of the sensor only.
         """
-        from visaug.characterization.maps import camera_maps, with_maps
-
         if maps is None:
             self.camera.save(path)
             return []
@@ -186,9 +211,8 @@ class Characterization:
             InputError: the frames gave no master bias.
         """
         if "master_bias" not in self.maps:
-            raise InputError(
-                "the frames gave no master bias", field="dsnu", expected="two or more bias frames"
-            )
+            problem = "the frames gave no master bias"
+            raise InputError(problem, field="dsnu", expected="two or more bias frames")
         master = self.maps["master_bias"]
         _, _, pixels, _ = two_way(master)
         deviation = float(stats.median_abs_deviation(pixels.ravel(), scale="normal"))
@@ -196,42 +220,58 @@ class Characterization:
 
     def plots(self) -> "dict[str, Figure]":
         """Every figure for which there are curves of more than one point, by name."""
-        from visaug.characterization import plots
-
         return plots.figures(self.curves)
 
-    def plot_photon_transfer(self) -> "Figure":
-        return self._plot("photon_transfer")
-
-    def plot_linearity(self) -> "Figure":
-        return self._plot("linearity")
-
-    def plot_read_noise(self) -> "Figure":
-        return self._plot("read_noise")
-
-    def plot_dark_current(self) -> "Figure":
-        return self._plot("dark_current")
-
-    def plot_nonuniformity(self) -> "Figure":
-        return self._plot("nonuniformity")
-
-    def plot_gain_law(self) -> "Figure":
-        return self._plot("gain_law")
-
-    def plot_noise_level(self) -> "Figure":
-        return self._plot("noise_level")
-
     def _plot(self, name: str) -> "Figure":
-        from visaug.characterization import plots
-
         return plots.figure(self.curves, name)
+
+    plot_photon_transfer = partialmethod(_plot, "photon_transfer")
+    plot_linearity = partialmethod(_plot, "linearity")
+    plot_read_noise = partialmethod(_plot, "read_noise")
+    plot_dark_current = partialmethod(_plot, "dark_current")
+    plot_nonuniformity = partialmethod(_plot, "nonuniformity")
+    plot_gain_law = partialmethod(_plot, "gain_law")
+    plot_noise_level = partialmethod(_plot, "noise_level")
+
+
+def _put(content: dict[str, Any], found: Mapping[str, float]) -> None:
+    """Write values into the parts of the file that their keys name."""
+    for key in (k for k in CAMERA_KEYS if k in found):
+        part, _, name = key.partition(".")
+        value = int(found[key]) if key == "bit_depth" else float(f"{found[key]:.6g}")
+        if key == "black_level_dn":  # of frames cut at 0 it may lie below 0, which a file cannot hold
+            value = max(value, 0.0)
+        if name:
+            content.setdefault(part, {})[name] = value
+        else:
+            content[key] = value
+    if (shape := content.get("read_noise", {}).get("shape")) is not None:
+        content["read_noise"]["shape"] = max(shape, LEAST_SHAPE)
+
+
+def _effects(content: Mapping[str, Any], result: Characterization) -> list[dict[str, Any]]:
+    """Effects of the camera given, with the values of those that were measured."""
+    effects = {e["name"]: e for e in content.get("effects", [])}
+    for effect in result.effects:
+        rounded = {k: v if isinstance(v, str) else float(f"{v:.4g}") for k, v in effect.items()}
+        effects[effect["name"]] = effects.get(effect["name"], {}) | rounded
+    return list(effects.values())
+
+
+def _assumptions(result: Characterization, found: Mapping[str, float]) -> list[str]:
+    """Paths of the camera file that nothing measured: taken from elsewhere, or left at their default."""
+    paths = [k for k in result.assumed if k not in result.parameters and k not in _SETTINGS]
+    paths += [k for k in _NEEDED if k not in found and result.base is None]
+    paths += list(result.not_measured)
+    paths += [k for w in result.warning_details if w.word == "bit_depth_assumed" for k in w.spoils]
+    return list(dict.fromkeys(paths))
 
 
 def without_impossible(result: Characterization) -> Characterization:
     """The result with what no camera file can hold left out of its camera and named in its warnings."""
     while True:
         try:
-            Camera.load(camera_content(result))
+            Camera.load(result.to_camera_dict())
             return result
         except InputError as error:
             known = {**result.assumed, **result.parameters}

@@ -42,19 +42,15 @@ class CodeHistograms:
 
 @dataclass(frozen=True)
 class RoundedFit:
-    """Log sigma (DN), shape (nan: normal noise), shift of the locations (DN), log of their spread (DN).
-
-    Attributes:
-        covariance: (4, 4) of the four, from sums over rows and columns; 0 where a parameter is fixed.
-        dependence: variance of log sigma over that of independent pixels.
-    """
+    """Log sigma (DN), shape (nan: normal noise), shift of the locations (DN), log of their spread (DN)."""
 
     log_sigma: float
     shape: float
     shift: float
     log_spread: float
+    # (4, 4) of the four, from sums over rows and columns; 0 where a parameter is fixed
     covariance: np.ndarray
-    dependence: float = 1.0
+    dependence: float = 1.0  # variance of log sigma over that of independent pixels
 
     @property
     def sigma(self) -> float:
@@ -98,7 +94,6 @@ def fit_locations(
     sample: CodeHistograms, centre: np.ndarray, start: RoundedFit | None, free: tuple[int, ...]
 ) -> RoundedFit:
     """Maximum likelihood, the location of pixel p being N(centre_p + shift, spread); `free` parameters only.
-
     Without a start and with a fixed shape the noise is normal.
     """
     if start is None:
@@ -120,15 +115,13 @@ def fit_locations(
         step[list(free)] = np.linalg.solve(scores @ scores.T + _RIDGE * np.eye(len(free)), gradient)
         if gradient @ step[list(free)] < 0.02:  # gain of log-likelihood: a seventh of a standard error
             break
-        step *= min(
-            1.0, *(most / max(abs(s), 1e-12) for s, most in zip(step, (0.3, 0.1, math.exp(p[0]), 0.5)))
-        )
+        most = 0.3, 0.1, math.exp(p[0]), 0.5
+        step *= min(1.0, *(m / max(abs(s), 1e-12) for s, m in zip(step, most)))
         for _ in range(6):
             trial = p + step
             trial[1] = np.clip(trial[1], *tukey.SHAPE_BOUNDS)
             trial[3] = max(trial[3], p[0] - 4.0)  # a spread of 2 % of the noise is none
-            new = _log_likelihood(trial, sample, centre).sum()
-            if new > value:
+            if (new := _log_likelihood(trial, sample, centre).sum()) > value:
                 p, value = trial, new
                 break
             step *= 0.4
@@ -144,7 +137,6 @@ def fit_locations(
 
 class SigmaLikelihood:
     """Log-likelihood of normal noise finer than the converter's steps against its standard deviation.
-
     It may be flat down to no noise at all, and may have several maxima: it is mapped over a grid, with location and
     spread fitted at each standard deviation.
     """
@@ -180,7 +172,6 @@ class SigmaLikelihood:
 
     def bounds(self, fit: RoundedFit) -> tuple[float, float]:
         """95 % interval of the standard deviation, DN, by the likelihood ratio; from 0 where nothing bounds it.
-
         What pixels of a row or column have in common stretches the ratio (R. E. Chandler and S. Bate, Biometrika 94 (2007) 167).
         """
         least = min(self._at(fit.log_sigma)[0], float(self._losses.min()))
@@ -239,7 +230,6 @@ def _scores(p: np.ndarray, sample: CodeHistograms, centre: np.ndarray) -> np.nda
 
 def _sandwich(scores: np.ndarray, sample: CodeHistograms) -> np.ndarray:
     """Covariance from scores summed over blocks of rows and over columns.
-
     Pixels of a column share the error of its centre, which near the cut moves the spread at first order. Sums
     over rows and over columns, less what both count, hold either dependence (A. C. Cameron, J. B. Gelbach and
     D. L. Miller, J. Bus. Econ. Stat. 29 (2011) 238).

@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.characterization import additivity, codes, dark, evenness, light, model_checks, still
-from visaug.characterization.camera_content import CAMERA_KEYS
+from visaug.characterization import additivity, codes, dark, evenness, light, model_checks, paper, still
+from visaug.characterization.clipped import clipped_frames
 from visaug.characterization.conditions import prepared
 from visaug.characterization.emva import emva
 from visaug.characterization.facts import PLACES
@@ -17,7 +17,7 @@ from visaug.characterization.groups import Measured, measure_groups
 from visaug.characterization.maps import add_maps, map_headers
 from visaug.characterization.mosaic import PLAIN, Mosaic, find_mosaic
 from visaug.characterization.nonuniformity import PARTS
-from visaug.characterization.result import Characterization, Warned, without_impossible
+from visaug.characterization.result import CAMERA_KEYS, Characterization, Warned, without_impossible
 from visaug.characterization.views import colour_plane
 from visaug.core.errors import InputError
 from visaug.core.wording import first_of
@@ -66,44 +66,35 @@ def characterize(
     kinds = {r.kind for r in frames.records}
     if not kinds & {"bias", "dark", "flat"}:
         if "image" not in kinds:
-            raise InputError(
-                "nothing can be measured", field="kind", expected="bias, dark, flat or image frames"
-            )
+            expected = "bias, dark, flat or image frames"
+            raise InputError("nothing can be measured", field="kind", expected=expected)
         from visaug.pictures.camera import camera_of_pictures
 
         size = camera_of_pictures(found, frames, seed)
         result = _result(found, None, None, "pictures")
-        bits = frames.bit_depth or 8
-        return replace(result, assumed={"bit_depth": bits}, resolution=size, effects=tuple(found.effects))
+        return replace(result, assumed={"bit_depth": frames.bit_depth or 8}, resolution=size)
     found.warn_of(w for w in frames.check() if not w.startswith("few_frames"))  # of groups as measured: below
     told_bits = frames.told_bits or (camera.bit_depth if camera is not None else None)
     ready, mosaic, measured = _read(frames, found, told_bits)
     alone = sorted(measured.frames.records[m.group.indices[0]].sequence for m in measured.moments if m.n == 1)
     if alone:
-        found.warn(
-            f"few_frames: frames {first_of(alone, 8)} are single at their settings; temporal noise requires two or more"
-        )
+        said = f"{first_of(alone, 8)} are single at their settings; temporal noise requires two or more"
+        found.warn(f"few_frames: frames {said}")
     if method == "paper":
-        from visaug.characterization.paper import procedure
-
-        procedure(found, measured, camera)
+        paper.procedure(found, measured, camera)
         return _result(found, camera, measured, method)
     _measure(found, measured, camera, seed, mosaic)
     result = _result(found, camera, measured, method)
     if mosaic is None:
         return result
-    planes = {
-        name: characterize(colour_plane(ready, *place), camera, seed)
-        for name, place in zip(mosaic.names, PLACES)
-    }
+    places = zip(mosaic.names, PLACES)
+    planes = {name: characterize(colour_plane(ready, *at), camera, seed) for name, at in places}
     return replace(result, planes=planes)
 
 
-def _read(
-    frames: FrameSet, found: Findings, told_bits: int | None
-) -> tuple[FrameSet, Mosaic | None, Measured]:
-    """The frames that can be measured together, their mosaic, and their groups."""
-    ready, facts = prepared(frames, found, told_bits)
+def _read(frames: FrameSet, found: Findings, bits: int | None) -> tuple[FrameSet, Mosaic | None, Measured]:
+    """The frames that can be measured together, their mosaic, and their groups; `bits` of the converter as told."""
+    ready, facts = prepared(frames, found, bits)
     ready, facts = model_checks.screened(ready, facts, found)
     return ready, find_mosaic(ready, facts), measure_groups(ready, facts, found.step_dn)
 
@@ -122,12 +113,8 @@ def checked(frames: FrameSet) -> Findings:
             "mosaic: flats and scenes are left out, since the set states colour filters and a camera model has one quantum "
             "efficiency for all pixels; `visaug characterize` measures each colour (`planes`)",
         )
-    found.lights = {
-        ready.records[i].sequence: number
-        for number, m in enumerate(measured.moments)
-        if m.group.kind == "flat"
-        for i in m.group.indices
-    }
+    flats = [(n, m.group.indices) for n, m in enumerate(measured.moments) if m.group.kind == "flat"]
+    found.lights = {ready.records[i].sequence: n for n, indices in flats for i in indices}
     _measure(found, measured, None, 0, mosaic)
     return found
 
@@ -136,8 +123,10 @@ def _measure(
     found: Findings, measured: Measured, camera: Camera | None, seed: int, mosaic: Mosaic | None
 ) -> None:
     measured = model_checks.tested(measured, found)
-    dark_tells = still.dark_frames_tell(measured) and not additivity.pedestal(measured, found)
-    if still.flicker(measured):
+    flickers = still.flicker(measured)
+    dark_tells = not flickers and all(still.tells(v.dark) for v in measured.sweep)
+    dark_tells = dark_tells and not additivity.pedestal(measured, found)
+    if flickers:
         found.warn(
             "dark_frames_noisier: dark frames have more noise than brighter flats (image lag, "
             "cosmic rays, unstable pixels); gain_e_per_dn and PRNU are estimated from flats only",
@@ -150,9 +139,8 @@ def _measure(
     if transfer is None and camera is not None:
         given = camera.gain_at(measured.gain_db)
         found.gain = MeasuredGain(1 / given, 0.0, measured=False)
-        found.warn(
-            f"gain_as_given: without flats the gain is not determined; {given:.4g} e-/DN of the camera is used"
-        )
+        used = f"{given:.4g} e-/DN of the camera is used"
+        found.warn(f"gain_as_given: without flats the gain is not determined; {used}")
     _without_light(found, measured, seed)
     if transfer is None:
         for name in PARTS:
@@ -180,12 +168,10 @@ def _measure(
 
 
 def _without_light(found: Findings, measured: Measured, seed: int) -> None:
-    frames = measured.still
-    if frames is None:
-        for name in ("black_level_dn", "read_noise.sigma_e", "read_noise.shape"):
+    if (frames := measured.still) is None:
+        parts = [f"dsnu.{part}_e" for part in PARTS]
+        for name in ("black_level_dn", "read_noise.sigma_e", "read_noise.shape", *parts):
             found.miss(name, still.NEEDS_STILL)
-        for part in PARTS:
-            found.miss(f"dsnu.{part}_e", still.NEEDS_STILL)
         dark.dark_law(found, measured)
         return
     coarse_steps = found.step_dn > 1 and not still.tells(frames)
@@ -193,13 +179,10 @@ def _without_light(found: Findings, measured: Measured, seed: int) -> None:
         for name in ("read_noise.sigma_e", "read_noise.shape"):
             found.miss(name, codes.NEEDS_WHOLE_STEPS)
     elif not still.tells(frames):
-        from visaug.characterization.clipped import clipped_frames
-
         clipped_frames(found, measured, frames, seed)
         return
     signal = dark.dark_law(found, measured, frames)
-    pattern = still.dark_pattern(found, measured, frames)
-    still.black_level(found, frames, pattern, signal)
+    still.black_level(found, frames, still.dark_pattern(found, measured, frames), signal)
     if not coarse_steps:
         shot = 0.0 if found.gain is None else max(signal, 0.0) * found.gain.dn_per_e
         still.noise_of_reading(found, measured, frames, shot + (found.step_dn**2 - 1) / 12)
@@ -212,12 +195,12 @@ def _result(
     settings: dict[str, float] = {}
     resolution = None
     if measured is not None:
-        resolution = _resolution(measured, camera)
+        windows = [m.group.window or (0, m.shape[0], 0, m.shape[1]) for m in measured.moments]
+        resolution = max(w[1] for w in windows), max(w[3] for w in windows)
         settings["gain_db"] = measured.gain_db
         if found.bit_depth is not None:
             settings["bit_depth"] = found.bit_depth
-        flats = [v.flat.group.exposure_s for v in measured.levels]
-        if flats:
+        if flats := [v.flat.group.exposure_s for v in measured.levels]:
             settings["exposure_s"] = float(np.median(flats))
         if measured.temperature_c is not None:
             settings["temperature_c"] = measured.temperature_c
@@ -225,7 +208,7 @@ def _result(
     _nonlinearity(found, settings)
     base = None
     if camera is not None:
-        base = camera.to_dict()
+        base, resolution = camera.to_dict(), camera.resolution
         values = camera.values()
         for key in CAMERA_KEYS:
             if key not in found.parameters and math.isfinite(values.get(key, math.inf)):
@@ -235,8 +218,10 @@ def _result(
         settings["bit_depth"] = camera.bit_depth
         for key in found.open.keys() & settings.keys():
             found.open[key] += "; taken from the camera given"
+    place = {key: n for n, key in enumerate(CAMERA_KEYS)}
+    names = sorted(found.parameters, key=lambda n: (n.startswith("emva"), place.get(n, len(place)), n))
     return without_impossible(Characterization(
-        parameters=dict(sorted(found.parameters.items(), key=_order)),
+        parameters={name: found.parameters[name] for name in names},
         not_determined=found.open,
         warning_details=tuple(Warned(t.split(":")[0], t, found.spoiled_by(t)) for t in found.warnings),
         curves=found.curves,
@@ -275,15 +260,3 @@ def _nonlinearity(found: Findings, settings: dict[str, float]) -> None:
     quadratic = found.bend_per_e * top_dn / found.gain.dn_per_e
     if abs(quadratic) <= 0.15:  # the most that the effect `nonlinearity` takes
         found.effects.append({"name": "nonlinearity", "quadratic": quadratic, "full_scale": "converter"})
-
-
-def _order(item) -> tuple[bool, int, str]:
-    name = item[0]
-    return name.startswith("emva"), CAMERA_KEYS.index(name) if name in CAMERA_KEYS else len(CAMERA_KEYS), name
-
-
-def _resolution(measured: Measured, camera: Camera | None) -> tuple[int, int]:
-    if camera is not None:
-        return camera.resolution
-    windows = [m.group.window or (0, m.shape[0], 0, m.shape[1]) for m in measured.moments]
-    return max(w[1] for w in windows), max(w[3] for w in windows)

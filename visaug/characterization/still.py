@@ -1,7 +1,6 @@
 """From frames without light: black level, read noise, temporal noise of frames, rows and columns, DSNU and its spectra."""
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -14,15 +13,7 @@ from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import PARTS, Parts, parts
 from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly, saturated_level
 from visaug.characterization.read_noise import PixelNoiseSpread, pixel_noise, shrunk
-from visaug.core.intervals import (
-    Interval,
-    jackknife,
-    mean_error,
-    root,
-    symmetric,
-    variance_combination,
-    widen,
-)
+from visaug.core.intervals import jackknife, mean_error, root, symmetric, variance_combination, widen
 from visaug.statistics.findings import Findings
 
 CLIPPED = 0.002  # share of pixels at 0 above which moments of bias frames are cut
@@ -32,11 +23,6 @@ NEEDS_STILL = "two or more bias frames (lens capped, shortest exposure)"
 def tells(moments: GroupMoments) -> bool:
     """Whether mean and variance of dark frames are the camera's: not cut at 0, not rounded away."""
     return moments.clipped_low <= CLIPPED and (moments.n < 2 or rounds_evenly(moments))
-
-
-def dark_frames_tell(measured: Measured) -> bool:
-    """Whether the photon transfer may lean on dark frames: not where they are noisier than a flat."""
-    return all(tells(v.dark) for v in measured.sweep) and not flicker(measured)
 
 
 def flicker(measured: Measured) -> bool:
@@ -50,51 +36,43 @@ def noisier(level: FlatLevel) -> bool:
     """Whether dark frames scatter more than a flat of more signal: something but noise is in them."""
     df = level.dark.n - 1 if level.dark.n > 1 else 1
     excess = level.dark.variance / max(level.flat.variance, 1e-12) - 1
-    return (
-        level.flat.clipped_high == 0
-        and level.signal > 0
-        and level.flat.variance > EVEN_DN**2
-        and excess > 0.1 + 6 / math.sqrt(df * level.dark.shape[0] * level.dark.shape[1])
-    )
+    is_clear = level.flat.clipped_high == 0 and level.signal > 0 and level.flat.variance > EVEN_DN**2
+    return is_clear and excess > 0.1 + 6 / math.sqrt(df * level.dark.shape[0] * level.dark.shape[1])
 
 
 def black_level(found: Findings, still: GroupMoments, pattern: Parts, dark_signal_dn: float) -> None:
     """Mean of the bias frames less their dark signal; the pattern's spread hides the camera's own offset."""
     height, width = still.shape
     frame_noise = max(still.frame_variance, still.variance / (height * width)) / still.n
-    error, df = mean_error(
-        [
-            (max(pattern.row[0], 0) / height, height - 1),
-            (max(pattern.column[0], 0) / width, width - 1),
-            (max(pattern.pixel[0], 0) / (height * width), height * width),
-            (frame_noise, max(still.n - 1, 1)),
-        ]
-    )
+    variances = [
+        (max(pattern.row[0], 0) / height, height - 1),
+        (max(pattern.column[0], 0) / width, width - 1),
+        (max(pattern.pixel[0], 0) / (height * width), height * width),
+        (frame_noise, max(still.n - 1, 1)),
+    ]
+    error, df = mean_error(variances)
     source = f"mean of {still.n} {still.group.kind} frames"
     found.add("black_level_dn", symmetric(still.mean - dark_signal_dn, error, df), "DN", source)
 
 
-def noise_of_reading(
-    found: Findings, measured: Measured, still: GroupMoments, dark_variance_dn2: float
-) -> None:
+def noise_of_reading(found: Findings, measured: Measured, still: GroupMoments, dark_dn2: float) -> None:
     """Read noise by maximum likelihood; in DN where the gain is unknown."""
-    fitted = read_noise.fit(measured.frames, still.group.indices, still, dark_variance_dn2)
+    fitted = read_noise.fit(measured.frames, still.group.indices, still, dark_dn2)
     source = f"maximum likelihood on residuals of {still.n} {still.group.kind} frames"
     sigma, low, high = symmetric(fitted.sigma_dn, fitted.sigma_error, fitted.df)
     interval = (sigma, max(low, 0.0), high)
     shape = symmetric(fitted.shape, fitted.shape_error, fitted.df)
     found.add("read_noise.shape", tukey.hold_both_gaussians(shape), "1", source)
-    own = pixel_noise(measured.frames, still)
-    if own is not None:
-        interval = _own_noise(found, still, own, interval, dark_variance_dn2)
+    if (own := pixel_noise(measured.frames, still)) is not None:
+        interval = _own_noise(found, still, own, interval, dark_dn2)
     add_in_electrons(found, "read_noise.sigma", interval, source)
     curve = {"residual_dn": fitted.centres_dn, "counts": fitted.counts, "model": fitted.model}
     found.curves["read_noise"] = curve
 
 
 def _own_noise(
-    found: Findings, still: GroupMoments, own: PixelNoiseSpread, interval: Interval, dark_variance_dn2: float
-) -> Interval:
+    found: Findings, still: GroupMoments, own: PixelNoiseSpread, interval: tuple[float, ...], dark_dn2: float
+) -> tuple[float, ...]:
     """Read noise by pixel; returns the interval of its root mean square in DN."""
     source = f"covariance of the pixels' variances between halves of {still.n} {still.group.kind} frames"
     square, error = own.variance  # the upper limit of a negative one is that of 0
@@ -102,9 +80,8 @@ def _own_noise(
     rms = interval[0]
     uneven = 0.05  # spread of log sigma from which on it bends the histogram's shape
     if own.established and own.spread > uneven:
-        found.drop(
-            "read_noise.shape", "pixels of equal noise: here every pixel has its own, see read_noise.spread"
-        )
+        needs = "pixels of equal noise: here every pixel has its own, see read_noise.spread"
+        found.drop("read_noise.shape", needs)
         found.warn(
             f"read_noise_nonuniform: the read noise varies by {own.spread:.0%} between pixels; its histogram has "
             "heavy tails although each pixel may be normal, so the shape is not determined; sigma is the root mean square",
@@ -115,7 +92,7 @@ def _own_noise(
             return {"v": float((still.row_variances * rows).sum() / rows.sum()) - still.frame_variance}
 
         value, error, df = jackknife(variance, still.shape[0])["v"]
-        interval = root([max(v - 1 / 12 - dark_variance_dn2, 0.0) for v in symmetric(value, error, df)])
+        interval = root([max(v - 1 / 12 - dark_dn2, 0.0) for v in symmetric(value, error, df)])
         rms = interval[0]
     if rms > 0:
         scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
@@ -125,8 +102,7 @@ def _own_noise(
 
 def temporal_parts(found: Findings, still: GroupMoments) -> None:
     """Noise that whole frames, rows or columns share, from frame to frame."""
-    t = still.temporal
-    if t is None:
+    if (t := still.temporal) is None:
         return
     height, width = still.shape
     source = f"three-way analysis of variance of {still.n} {still.group.kind} frames"
@@ -143,17 +119,12 @@ def temporal_parts(found: Findings, still: GroupMoments) -> None:
                 sigma_e = found.parameters[f"temporal.{name}_e"].value
                 found.effects.append({"name": f"{name}_noise", "sigma_e": sigma_e})
     size = height * width
-    frame = (
-        (1, t.frame, t.frame_df),
-        (-1, t.row, t.row_df),
-        (-1, t.column, t.column_df),
-        (1, t.pixel, t.pixel_df),
-    )
-    interval = root(variance_combination([(sign / size, ms, df) for sign, ms, df in frame]))
+    signs = {"frame": 1, "row": -1, "column": -1, "pixel": 1}
+    terms = [(sign / size, getattr(t, part), getattr(t, f"{part}_df")) for part, sign in signs.items()]
+    interval = root(variance_combination(terms))
     found.add("temporal.frame_dn", interval, "DN", source)
-    if interval[1] > 0.02 * math.sqrt(t.pixel) and read_noise.unsteady(
-        t.frame, max(t.row, t.column), t.frame_df
-    ):
+    is_unsteady = read_noise.unsteady(t.frame, max(t.row, t.column), t.frame_df)
+    if is_unsteady and interval[1] > 0.02 * math.sqrt(t.pixel):
         found.warn("black_level_drift: the offset of whole frames changes by more than the noise")
         if found.gain is not None:
             course = still.frame_means - still.frame_means.mean()
@@ -188,14 +159,12 @@ def add_profiles(found: Findings, master: np.ndarray) -> None:
     """Row and column profiles, their spectra, with a word on what no white pattern has."""
     curves: dict[str, np.ndarray] = {}
     for name, axis in (("row", 1), ("column", 0)):
-        profile = describe(master.mean(axis))
-        curves[f"{name}_profile_dn"] = profile.values
-        curves[f"{name}_frequency"], curves[f"{name}_power"] = profile.frequency, profile.power
-        if profile.peaks.size:
-            peaks = ", ".join(f"{f:.3f}" for f in profile.peaks[:4])
-            found.warn(
-                f"{name}_structure: the master bias's {name} means have power at {peaks} cycles per {name}"
-            )
+        *spectrum, found_peaks = describe(master.mean(axis))
+        curves |= zip([f"{name}_{what}" for what in ("profile_dn", "frequency", "power")], spectrum)
+        if found_peaks.size:
+            peaks = ", ".join(f"{f:.3f}" for f in found_peaks[:4])
+            said = f"the master bias's {name} means have power at {peaks} cycles per {name}"
+            found.warn(f"{name}_structure: {said}")
     found.curves["nonuniformity"] = curves
 
 
@@ -211,37 +180,27 @@ def add_in_electrons(found: Findings, name: str, interval_dn: tuple[float, ...],
     found.add(f"{name}_e", widen(scaled, found.gain.relative_error), "e-", source)
 
 
-@dataclass(frozen=True)
-class LineProfile:
-    """One profile: values and their power spectrum; levels and slow course are part of the law in `visaug.camera.patterns`."""
-
-    values: np.ndarray
-    frequency: np.ndarray
-    power: np.ndarray
-
-    @property
-    def peaks(self) -> np.ndarray:
-        """Frequencies (cycles per line) whose power no white normal pattern would show (1 % in all)."""
-        power, even = self.power[1:].copy(), len(self.values) % 2 == 0
-        m = len(power) - even
-        fewest_frequencies = 8
-        if m < fewest_frequencies:
-            return np.empty(0)
-        rank = (m + 1) // 2
-        median = np.partition(power[:m], rank - 1)[rank - 1]
-        if not median > 0:  # lines without noise
-            return np.empty(0)
-        if even:
-            # Half the sampling frequency has one degree of freedom, the others two: the same probability.
-            white = median / np.log(2)
-            power[-1] = -white * (np.log(2) + log_ndtr(-np.sqrt(power[-1] / white)))
-        return self.frequency[1:][power > _least_peak(m, rank) * median]
+def describe(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The profile of rows or columns, (n,) in any unit, about its mean; frequencies, power at these, and its peaks.
+    Peaks: frequencies (cycles per line) whose power no white normal pattern would show (1 % in all).
+    """
+    values, is_even = np.asarray(values, np.float64) - np.mean(values), len(values) % 2 == 0
+    power, frequency = np.abs(np.fft.rfft(values)) ** 2 / len(values), np.fft.rfftfreq(len(values))
+    m, fewest_frequencies, rest = len(power) - 1 - is_even, 8, power[1:].copy()
+    rank = (m + 1) // 2
+    median = np.partition(rest[:m], rank - 1)[rank - 1] if m >= fewest_frequencies else 0.0
+    if not median > 0:  # too few lines, or lines without noise
+        return values, frequency, power, np.empty(0)
+    if is_even:
+        # Half the sampling frequency has one degree of freedom, the others two: the same probability.
+        white = median / np.log(2)
+        rest[-1] = -white * (np.log(2) + log_ndtr(-np.sqrt(rest[-1] / white)))
+    return values, frequency, power, frequency[1:][rest > _least_peak(m, rank) * median]
 
 
 @lru_cache(maxsize=64)
 def _least_peak(m: int, rank: int) -> float:
     """Ratio to their `rank`th smallest that one of m exponential values exceeds in 1 % of all draws, or less.
-
     Above an order statistic M the values are independent M + Exp(1): the m - rank of them exceed c M in at most
     (m - rank) E[exp(-(c - 1) M)], and E[exp(-s M)] is a ratio of gamma functions (A. Renyi's representation).
     """
@@ -252,10 +211,3 @@ def _least_peak(m: int, rank: int) -> float:
         return logs + np.log((m - rank + 1) / false_peaks)
 
     return 1 + root_scalar(excess, bracket=(0.0, 1e4)).root
-
-
-def describe(values: np.ndarray) -> LineProfile:
-    """The profile of rows or columns, (n,) in any unit, about its mean."""
-    values = np.asarray(values, np.float64) - np.mean(values)
-    power = np.abs(np.fft.rfft(values)) ** 2 / len(values)
-    return LineProfile(values, np.fft.rfftfreq(len(values)), power)

@@ -29,21 +29,18 @@ def usable(frames: FrameSet, resolution: Sequence[int]) -> FrameSet:
     made = _explained(frames, resolution)
     whole = next((i for i, record in enumerate(made.records) if record.window is None), None)
     if whole is not None and made.shape(whole) != tuple(resolution):
-        expected = "{} x {} as the camera's resolution, or a region that states the window".format(
-            *resolution
-        )
+        height, width = resolution
+        expected = f"{height} x {width} as the camera's resolution, or a region that states the window"
         size = "is {} x {}".format(*made.shape(whole))
         raise InputError(size, file=made.records[whole].file, expected=expected)
     return made
 
 
 def _explained(frames: FrameSet, resolution: Sequence[int]) -> FrameSet:
-    found = found_by_checks(frames)
-    if found is None:
+    if (found := found_by_checks(frames)) is None:
         return frames
     made = frames
-    sizes = {(frames.shape(i), r.window) for i, r in enumerate(frames.records)}
-    if len(sizes) == 1:
+    if len({(frames.shape(i), r.window) for i, r in enumerate(frames.records)}) == 1:
         made = _without_lines(_lit(made, found, tuple(resolution)), found)
     if not found.has_one_light:
         made = made.with_records([replace(r, photons=None) for r in made.records])
@@ -69,7 +66,6 @@ def _lit(frames: FrameSet, found: Findings, resolution: tuple[int, ...]) -> Fram
 
 def _without_lines(frames: FrameSet, found: Findings) -> FrameSet:
     """Pixels of a constant row get the value of another row of the same column, a fixed one drawn for each pixel.
-
     A copy of one row would be a pair of rows that share their noise.
     """
     stuck = found.stuck
@@ -86,8 +82,7 @@ def _without_lines(frames: FrameSet, found: Findings) -> FrameSet:
     for k in np.flatnonzero(columns):
         column[:, k] = rng.choice(_near(int(k), ~columns), height)
     at = np.nonzero(rows[:, None] | columns)
-    source = row[at], column[at]
-    return repaired(frames, lambda frame, _: replaced(frame, at, source))
+    return repaired(frames, lambda frame, _: replaced(frame, at, (row[at], column[at])))
 
 
 def _near(k: int, sound: np.ndarray) -> np.ndarray:

@@ -87,6 +87,4 @@ def colour_plane(frames: FrameSet, row: int, column: int) -> FrameSet:
 
 def at_bits(frames: FrameSet, bit_depth: int | None) -> FrameSet:
     """The same pixels with another number of bits of the converter."""
-    if bit_depth == frames.bit_depth:
-        return frames
-    return FrameSet(frames.records, _View(frames, bit_depth))
+    return frames if bit_depth == frames.bit_depth else FrameSet(frames.records, _View(frames, bit_depth))

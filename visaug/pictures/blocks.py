@@ -33,7 +33,6 @@ _COARSEST = 2.5  # rounding step of JPEG over the standard deviation of noise
 
 def texture_share(which: np.ndarray = NOISE) -> float:
     """Power of texture at some coefficients over that at those that tell structure, where it falls as frequency squared.
-
     That is the mean law of natural scenes: D. J. Field, J. Opt. Soc. Am. A 4 (1987) 2379.
     """
     power = 1 / np.maximum(U**2 + V**2, 1)
@@ -98,7 +97,6 @@ class Rounding:
 
     def _calibrate(self, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What `variance` finds in Gaussian noise that the codec itself has compressed, and what was put in.
-
         Integer transforms and the rounding of whole pixels move it by some per cent.
         """
         from PIL import Image
@@ -118,15 +116,13 @@ class Rounding:
     def sums(self, coefficients: np.ndarray, which: np.ndarray = NOISE) -> np.ndarray:
         """Sums of squares of each block's coefficients by kind, (n, kinds)."""
         squares = coefficients[:, which] ** 2
-        kind = self.of[which]
-        return np.stack([squares[:, kind == k].sum(1) for k in range(len(self.kinds))], 1)
+        return np.stack([squares[:, self.of[which] == k].sum(1) for k in range(len(self.kinds))], 1)
 
     def counts(self, which: np.ndarray = NOISE) -> np.ndarray:
         return np.array([np.count_nonzero(self.of[which] == k) for k in range(len(self.kinds))])
 
     def variance(self, sums: np.ndarray, counts: np.ndarray) -> float:
         """Variance of the noise before rounding, from sums of squares and their numbers: gamma quasi-likelihood.
-
         Steps of more than `_COARSEST` standard deviations round nearly all away and are left out.
         """
         mean = sums / np.maximum(counts, 1)
@@ -175,24 +171,17 @@ def _mean_square(deviation: np.ndarray, step: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Levels:
-    """Noise of flat blocks by level.
+    """Noise of flat blocks by level."""
 
-    Attributes:
-        edges: of the bins.
-        level, variance: of the bins that hold enough flat blocks, in DN and DN^2 of 8 bit.
-        chosen: the variance where blocks of the sky are chosen as at other levels.
-        error: standard error of the logarithm of the variance.
-        number: of the bin, among the edges.
-        sums, counts, levels, blocks: by picture and bin, for other draws of the pictures.
-    """
-
-    edges: np.ndarray
-    number: np.ndarray
+    edges: np.ndarray  # of the bins
+    number: np.ndarray  # of the bin, among the edges
+    # of the bins that hold enough flat blocks, in DN and DN^2 of 8 bit
     level: np.ndarray
     variance: np.ndarray
-    chosen: np.ndarray
-    error: np.ndarray
+    chosen: np.ndarray  # the variance where blocks of the sky are chosen as at other levels
+    error: np.ndarray  # standard error of the logarithm of the variance
     structure: np.ndarray
+    # by picture and bin, for other draws of the pictures
     sums: np.ndarray
     levels: np.ndarray
     blocks: np.ndarray
@@ -204,10 +193,6 @@ class Levels:
         """Noise and its standard error by level, in DN of 8 bit times `scale`."""
         noise = np.sqrt(self.variance) * scale
         return {"level_dn": self.level * scale, "noise_dn": noise, "error_dn": noise * self.error / 2}
-
-    def above(self, deviations: float) -> "Levels":
-        """Those levels that lie this many standard deviations above code 0."""
-        return self.where(self.level > deviations * np.sqrt(self.variance))
 
     def where(self, kept: np.ndarray) -> "Levels":
         """The levels of a mask (levels,)."""
@@ -239,7 +224,6 @@ def noise_by_level(
     blocks: Blocks, rounding: Rounding, pictures: int, one_level: tuple[float, float] | None = None
 ) -> Levels:
     """Variance of pixels in flat blocks, level by level. Bins are 1 DN wide at black and grow by 6 % of the level.
-
     Blocks between the two levels of `one_level` are one bin: offsets tell them apart, not light. Where no neighbour is brighter
     there is no scene whose structure could pass for noise, so all blocks are used: a choice of quiet ones would lose the tails
     of noise that has heavy ones.

@@ -40,18 +40,16 @@ def camera_of_pictures(found: Findings, frames: FrameSet, seed: int) -> tuple[in
     rounding = Rounding(pictures.steps, pictures.is_jpeg)
     levels = noise_by_level(blocks, rounding, len(pictures))
     if is_rendered(blocks, levels, rounding):
-        _no_camera(
-            found, "pictures with sensor noise", f"no_sensor_noise: {no_noise(pictures)}; there is no camera"
-        )
+        said = f"no_sensor_noise: {no_noise(pictures)}; there is no camera"
+        _no_camera(found, "pictures with sensor noise", said)
         found.miss("image.noise_dn", "pictures with sensor noise")
         return None
     if not len(levels.level):
         return _no_flat_regions(found, blocks, left_out)
     _noise_in_dn(found, pictures, levels, rounding)
     if left_out > 0.5:
-        found.warn(
-            f"clipped_pictures: {left_out:.0%} of the regions are saturated or all black and tell nothing"
-        )
+        said = f"{left_out:.0%} of the regions are saturated or all black and tell nothing"
+        found.warn(f"clipped_pictures: {said}")
     if len(pictures) < 3:
         said = f"few_pictures: {len(pictures)} of one kind; spreads and patterns need three or more"
         return _no_camera(found, "three or more pictures", said)
@@ -91,11 +89,8 @@ def _noise_in_dn(found: Findings, pictures: PictureSet, levels: Levels, rounding
         return np.array([typical, *line])
 
     value, spread, degrees = jackknife(figures, len(pictures))
-    units = (
-        ("image.noise_dn", "DN", scale),
-        ("image.noise_slope_dn", "DN", scale),
-        ("image.noise_floor_dn2", "DN^2", scale**2),
-    )
+    units = (("image.noise_dn", "DN", scale), ("image.noise_slope_dn", "DN", scale),
+             ("image.noise_floor_dn2", "DN^2", scale**2))  # fmt: skip
     for k, (name, unit, factor) in enumerate(units):
         if np.isfinite(value[k]):
             half = t_quantile(degrees) * spread[k] if np.isfinite(spread[k]) else math.inf
@@ -111,22 +106,17 @@ def _camera(
 ) -> tuple[int, int] | None:
     needs, fewest_levels = "flat regions at several levels", 4
     if len(levels.level) < fewest_levels or np.ptp(levels.level) < 20:
-        said = (
-            "one_level: flat regions lie at one level only; without a slope there is no gain, and no camera"
-        )
-        return _no_camera(found, needs, said)
-    sky = find_sky(blocks, levels)
-    if sky:
-        levels = noise_by_level(
-            blocks, rounding, len(pictures), (sky.level - sky.reach, sky.level + sky.reach)
-        )
+        said = "flat regions lie at one level only; without a slope there is no gain, and no camera"
+        return _no_camera(found, needs, f"one_level: {said}")
+    if sky := find_sky(blocks, levels):
+        near = sky.level - sky.reach, sky.level + sky.reach
+        levels = noise_by_level(blocks, rounding, len(pictures), near)
     cut = 3.0  # standard deviations of noise above code 0
     if pictures.is_jpeg and sky and sky.level < cut * math.sqrt(levels.variance[0]):
         # A decoder cuts what JPEG has moved below 0, so noise there follows no law of the sensor.
-        levels, sky = levels.above(cut), None
-        found.warn(
-            "black_cut_by_jpeg: black lies at code 0 and JPEG cuts its noise again; noise near black is left out"
-        )
+        levels, sky = levels.where(levels.level > cut * np.sqrt(levels.variance)), None
+        said = "black lies at code 0 and JPEG cuts its noise again; noise near black is left out"
+        found.warn(f"black_cut_by_jpeg: {said}")
         if len(levels.level) < fewest_levels:
             return _no_camera(found, needs)
     clear, sky = _without_rounded(found, levels, rounding, sky)
@@ -159,7 +149,7 @@ def _camera(
     _add_tone(found, readings)
     _add_curve(found, pictures, readings, sky)
     add_patterns(found, pictures, best, pattern, sky)
-    add_processing(found, pictures, blocks, levels, rounding, texture)
+    add_processing(found, blocks, levels, rounding, texture)
     found.warn(
         "pictures_alone: the camera is an effective one: it gives these pictures' noise, whatever made it (sensor, "
         "compression, denoising); bias, dark and flat frames would tell the parts"
@@ -190,9 +180,8 @@ def _warn_of_fine_texture(found: Findings, texture: Texture, best: Reading) -> N
         share = f"{texture.share:.2g} of its power in fine frequencies (white noise has 1)"
         signs.append(f"structure in flat regions has {share}")
     if best.contrast:
-        signs.append(
-            f"noise grows with the light itself, as texture of a contrast of {best.contrast:.1%} does"
-        )
+        texture_of = f"texture of a contrast of {best.contrast:.1%}"
+        signs.append(f"noise grows with the light itself, as {texture_of} does")
     if signs:
         found.warn(
             f"texture_as_noise: {' and '.join(signs)}: texture of about 2 px, or noise with heavy tails; intervals cover gain and "

@@ -9,11 +9,13 @@ picture to picture (jackknife); pictures are the sample, not pixels.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
+import torch
 from scipy import stats
 
+from visaug.camera import Camera
 from visaug.core.errors import InputError
 from visaug.core.reporting import Reported
 from visaug.frames import FrameRecord, FrameSet
@@ -27,9 +29,6 @@ from visaug.pictures.scenes import chosen_of, read_windows
 from visaug.pictures.sets import find_sky, jackknife
 from visaug.statistics.places import Place, Places, data_frame, verdict_json
 from visaug.statistics.tail import SIGNIFICANT
-
-if TYPE_CHECKING:
-    from visaug.camera import Camera
 
 _COLUMNS = ["view", "statistic", "unit", "measured", "modelled", "standard_deviation", "z"]
 
@@ -81,7 +80,7 @@ class PictureComparison(Reported):
     warnings: tuple[str, ...]
     pictures: tuple[int, int]
     target: FrameSet | None = field(default=None, repr=False, compare=False)
-    camera: "Camera | None" = field(default=None, repr=False, compare=False)
+    camera: Camera | None = field(default=None, repr=False, compare=False)
     transfer: Literal["linear", "srgb"] = "linear"
 
     @property
@@ -120,7 +119,7 @@ class _Set:
 def compare_pictures(
     renders: FrameSet,
     target: FrameSet,
-    camera: "Camera | None" = None,
+    camera: Camera | None = None,
     transfer: Literal["linear", "srgb"] = "linear",
     seed: int = 0,
     progress: Callable[[str, int, int], None] | None = None,
@@ -149,8 +148,7 @@ def compare_pictures(
         sets.append(one)
         parts.append(_parts(one))
     say("reading pictures", 2, 2)
-    noise = _noise(*sets)
-    if not noise:
+    if not (noise := _noise(*sets)):
         warnings.append(
             "noise_not_compared: the two sets have no flat regions at a common level; noise that neighbours share, as after "
             "denoising or demosaicing, cannot be told from texture"
@@ -165,12 +163,8 @@ def compare_pictures(
     return PictureComparison(p, tuple(found), _places(found), curves, said, sizes, target, camera, transfer)
 
 
-def _noisy(
-    pictures: PictureSet, camera: "Camera", transfer: Literal["linear", "srgb"], seed: int
-) -> FrameSet:
+def _noisy(pictures: PictureSet, camera: Camera, transfer: Literal["linear", "srgb"], seed: int) -> FrameSet:
     """8-bit pictures as the camera would have taken them, with one sensor's fixed pattern."""
-    import torch
-
     from visaug.augment import VISNoise
 
     noise = VISNoise(camera, fixed_pattern="camera", transfer=transfer, black_level="keep")
@@ -179,9 +173,8 @@ def _noisy(
     for n in range(len(pictures)):
         clean = torch.from_numpy(pictures.read(n).astype(np.float32) / 255)[None, None]
         taken.append(np.rint(255 * noise(clean)[0, 0].numpy()).astype(np.uint8))
-    return FrameSet.from_arrays(
-        [FrameRecord(n, name, "image") for n, name in enumerate(pictures.names)], taken
-    )
+    files = [pictures.frames.records[i].file for i in pictures.indices]
+    return FrameSet.from_arrays([FrameRecord(n, file, "image") for n, file in enumerate(files)], taken)
 
 
 def _prepared(name: str, frames: FrameSet, seed: int, warnings: list[str]) -> _Set:
@@ -189,9 +182,8 @@ def _prepared(name: str, frames: FrameSet, seed: int, warnings: list[str]) -> _S
         raise InputError("holds no ordinary pictures", field=name, expected="a folder of pictures")
     pictures = largest_group(frames, lambda text: warnings.append(f"{text} ({name})"))
     if len(pictures) < 5:
-        raise InputError(
-            f"too few pictures of one kind: {len(pictures)}", field=name, expected="5 or more of one size"
-        )
+        problem = f"too few pictures of one kind: {len(pictures)}"
+        raise InputError(problem, field=name, expected="5 or more of one size")
     blocks, _ = sample(pictures, seed)
     rounding = Rounding(pictures.steps, pictures.is_jpeg)
     return _Set(pictures, blocks, noise_by_level(blocks, rounding, len(pictures)), rounding)
@@ -211,11 +203,8 @@ def _noise(renders: _Set, target: _Set) -> list[StatisticDifference]:
         counts = [j for j, s in enumerate(levels.structure) if s < 0.1 and np.isfinite(spread[j])]
         errors = {j: math.hypot(spread[j], value[j] * levels.structure[j] / 4) for j in counts}
         sides.append({int(levels.number[j]): (value[j], errors[j], degrees, levels.level[j]) for j in counts})
-    return [
-        difference("noise_level", f"noise at level {b[3]:.0f}", "DN", b[:3], sides[0][k][:3])
-        for k, b in sorted(sides[1].items())
-        if k in sides[0]
-    ]
+    both = [(b, sides[0][k]) for k, b in sorted(sides[1].items()) if k in sides[0]]
+    return [difference("noise_level", f"noise at level {b[3]:.0f}", "DN", b[:3], a[:3]) for b, a in both]
 
 
 def _parts(one: _Set) -> dict[str, VariancePart | None]:
@@ -251,8 +240,7 @@ def _lines(
 
 def _places(found: list[StatisticDifference]) -> Places:
     """Views with a difference beyond chance, with their share of the sum of squares."""
-    limit = SIGNIFICANT / len(found)
-    excess = {d: max(d.z**2 - 1, 0.0) for d in found if d.p_value < limit}
+    excess = {d: max(d.z**2 - 1, 0.0) for d in found if d.p_value < SIGNIFICANT / len(found)}
     total = sum(excess.values())
     places = []
     for view in dict.fromkeys(d.view for d in excess):
@@ -280,8 +268,5 @@ def look_differences(renders: PictureSet, target: PictureSet) -> list[StatisticD
         taken = read_windows(pictures, chosen, window)
         regions = find_regions(taken, 255.0, Rounding(pictures.steps, pictures.is_jpeg))
         sides.append({look.name: (look, figures) for look, *figures in measured(taken, regions)})
-    return [
-        difference(look.view, look.name, look.unit, one, sides[1][name][1])
-        for name, (look, one) in sides[0].items()
-        if name in sides[1]
-    ]
+    both = [(*sides[0][name], sides[1][name][1]) for name in sides[0] if name in sides[1]]
+    return [difference(look.view, look.name, look.unit, one, other) for look, one, other in both]

@@ -85,7 +85,6 @@ def fit(
     free_response: bool = False,
 ) -> tuple[VarianceLaw, float]:
     """The law under a tone curve that fits the noise curve best, and its chi-square.
-
     With a sky the black level is fitted, else it is the start's; the response of pixels only if it is free. Levels whose noise
     lies above the law count less (soft L1): structure that passed for noise is always too much.
     """

@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -15,20 +14,14 @@ from visaug.frames.pixels import PICTURES
 
 @dataclass(frozen=True)
 class PictureSet:
-    """Pictures of one size and one JPEG table.
+    """Pictures of one size and one JPEG table."""
 
-    Attributes:
-        frames: the set they are from.
-        indices: positions in the set.
-        steps: (8, 8) rounding steps of the DCT coefficients in 8-bit DN, 1 where the files are not JPEG.
-        top_dn: the highest code.
-    """
-
-    frames: FrameSet
-    indices: tuple[int, ...]
+    frames: FrameSet  # the set they are from
+    indices: tuple[int, ...]  # positions in the set
+    # (8, 8) rounding steps of the DCT coefficients in 8-bit DN, 1 where the files are not JPEG
     steps: np.ndarray
     is_jpeg: bool
-    top_dn: float
+    top_dn: float  # the highest code
 
     def __len__(self) -> int:
         return len(self.indices)
@@ -37,10 +30,6 @@ class PictureSet:
     def scale(self) -> float:
         """DN of the files per 1/255 of full scale."""
         return self.top_dn / 255
-
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        return tuple(self.frames.records[i].file for i in self.indices)
 
     def read(self, n: int) -> np.ndarray:
         """Picture `n`, (H, W) in 1/255 of full scale."""
@@ -51,8 +40,7 @@ def largest_group(frames: FrameSet, warn: Callable[[str], object]) -> PictureSet
     """The pictures of the commonest size and JPEG table; the others are reported."""
     every = [i for i, r in enumerate(frames.records) if r.kind == "image"]
     files = {i: _file(frames, i) for i in every}
-    groups = Counter(files.values())
-    if not groups:
+    if not (groups := Counter(files.values())):
         raise InputError("holds no ordinary pictures", expected="pictures of scenes (PNG, TIFF, JPEG)")
     chosen, count = groups.most_common(1)[0]
     shape, table = chosen.shape, chosen.table

@@ -22,24 +22,18 @@ _ACROSS, _DOWN = INNER & (U + V > 4) & (V > U), INNER & (U + V > 4) & (U > V)
 
 
 @dataclass(frozen=True)
-class PictureStatistic:
-    """A statistic: its view, name and unit, and how pictures (n, H, W) with their regions give its sums.
-
-    `texture` is its error, per share of the noise, by texture that passed for noise; `content` its relative error by what edges the
-    scene holds.
-    """
+class Look:
+    """A statistic: its view, name and unit, and how pictures (n, H, W) with their regions give its sums."""
 
     view: str
     name: str
     unit: str
     sums: Callable[[np.ndarray, Regions], tuple[np.ndarray, np.ndarray]]
-    texture: float = 0.0
-    content: float = 0.0
+    texture: float = 0.0  # error, per share of the noise, by texture that passed for noise
+    content: float = 0.0  # relative error by what edges the scene holds
 
 
-def measured(
-    pictures: np.ndarray, regions: Regions
-) -> Iterator[tuple[PictureStatistic, float, float, float]]:
+def measured(pictures: np.ndarray, regions: Regions) -> Iterator[tuple[Look, float, float, float]]:
     """Each statistic that enough pictures tell: value, standard error, and degrees of freedom of the error."""
     texture = _texture(pictures, regions)
     for look in LOOKS:
@@ -73,12 +67,9 @@ def _black(pictures: np.ndarray, regions: Regions) -> tuple[np.ndarray, np.ndarr
 def _saturation(pictures: np.ndarray, _: Regions) -> tuple[np.ndarray, np.ndarray]:
     """Highest code of pictures in which pixels pile up there."""
     top = pictures.max((1, 2))
-    at, below = (
-        np.count_nonzero(
-            (pictures > (top - k)[:, None, None]) & (pictures <= (top - k + w)[:, None, None]), axis=(1, 2)
-        )
-        for k, w in ((1, 1), (11, 10))
-    )
+    least = [top[:, None, None] - k for k in (1, 11)]
+    reached = [(pictures > b) & (pictures <= b + w) for b, w in zip(least, (1, 10))]
+    at, below = (np.count_nonzero(these, axis=(1, 2)) for these in reached)
     told = (at >= 20) & (at > 5.0 * below / 10)  # five times as many at the highest code as at those below
     return np.where(told, top, 0.0), told.astype(float)
 
@@ -87,8 +78,7 @@ def _noise_ratio(above: np.ndarray, below: np.ndarray):
     def sums(pictures: np.ndarray, regions: Regions) -> tuple[np.ndarray, np.ndarray]:
         power = np.zeros((2, len(pictures)))
         for n, picture in enumerate(pictures):
-            flat = (regions.lit[n] >= 0) | regions.dark[n]
-            coefficients = blocks_of(picture)[0][flat]
+            coefficients = blocks_of(picture)[0][(regions.lit[n] >= 0) | regions.dark[n]]
             power[:, n] = [(coefficients[:, which] ** 2).mean(1).sum() for which in (above, below)]
         return power[0], power[1]
 
@@ -130,9 +120,8 @@ def _edges(picture: np.ndarray) -> np.ndarray:
     size = np.abs(slope)
     reach = 4  # px on either side of an edge
     width = 2 * reach + 1
-    height = ndimage.maximum_filter1d(picture, width, axis=1) - ndimage.minimum_filter1d(
-        picture, width, axis=1
-    )
+    least = ndimage.minimum_filter1d(picture, width, axis=1)
+    height = ndimage.maximum_filter1d(picture, width, axis=1) - least
     steepest = size >= ndimage.maximum_filter1d(size, width, axis=1)
     # An edge stands clear of the noise, by 40/255 of full scale, and hardly changes along itself.
     edge = steepest & (height > 40.0) & (np.abs(along) < STEEPEST * size)
@@ -180,26 +169,14 @@ def _areas(pictures: np.ndarray, _: Regions) -> tuple[np.ndarray, np.ndarray]:
 
 
 LOOKS = (
-    PictureStatistic("black_level", "level of the black sky", "DN", _black),
-    PictureStatistic("saturation", "code at which pixels saturate", "DN", _saturation),
-    PictureStatistic(
-        "noise_spectrum",
-        "fine noise over coarse noise",
-        "1",
-        _noise_ratio(_FINE, _COARSE),
-        texture_share(_COARSE),
-    ),
-    PictureStatistic(
-        "noise_spectrum", "noise along rows over noise along columns", "1", _noise_ratio(_ACROSS, _DOWN)
-    ),
-    PictureStatistic("blocking", "steps at the borders of 8 x 8 blocks over steps within", "1", _blocking),
-    PictureStatistic(
-        "edges", "slope of the sharpest edges over their height", "1/px", _sharpness, content=TILTED
-    ),
-    *(
-        PictureStatistic("halo", f"light scattered over {width} px", "share", _halo(width))
-        for width in (4, 12)
-    ),
-    PictureStatistic("streaks", "light along columns less along rows", "share", _streak),
-    PictureStatistic("streaks", "saturated areas along columns less along rows", "share", _areas),
-)
+    Look("black_level", "level of the black sky", "DN", _black),
+    Look("saturation", "code at which pixels saturate", "DN", _saturation),
+    Look("noise_spectrum", "fine noise over coarse noise", "1",
+         _noise_ratio(_FINE, _COARSE), texture_share(_COARSE)),
+    Look("noise_spectrum", "noise along rows over noise along columns", "1", _noise_ratio(_ACROSS, _DOWN)),
+    Look("blocking", "steps at the borders of 8 x 8 blocks over steps within", "1", _blocking),
+    Look("edges", "slope of the sharpest edges over their height", "1/px", _sharpness, content=TILTED),
+    *(Look("halo", f"light scattered over {width} px", "share", _halo(width)) for width in (4, 12)),
+    Look("streaks", "light along columns less along rows", "share", _streak),
+    Look("streaks", "saturated areas along columns less along rows", "share", _areas),
+)  # fmt: skip

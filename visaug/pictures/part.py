@@ -58,24 +58,17 @@ def _white(camera: Camera) -> float:
 
 @dataclass(frozen=True)
 class PicturePart:
-    """Pictures in the place of a `Part` of a frame set.
+    """Pictures in the place of a `Part` of a frame set."""
 
-    Attributes:
-        scenes: what is simulated.
-        pictures: (n, H, W) as measured, in 1/255 of full scale; empty where only simulations are wanted.
-        resolution: rows and columns of the sensor.
-        dn: DN of the camera per 1/255 of full scale.
-        given: symmetries of these scenes as the camera file takes them.
-    """
-
-    scenes: Scenes
+    scenes: Scenes  # what is simulated
+    # (n, H, W) as measured, in 1/255 of full scale; empty where only simulations are wanted
     pictures: np.ndarray
-    resolution: tuple[int, int]
-    dn: float
+    resolution: tuple[int, int]  # rows and columns of the sensor
+    dn: float  # DN of the camera per 1/255 of full scale
     exposure_s: float
     place: str = PLACE
     views: tuple[View, ...] = OF_PICTURES
-    given: Sums | None = None
+    given: Sums | None = None  # symmetries of these scenes as the camera file takes them
 
     @cached_property
     def frames(self) -> FrameSet:
@@ -149,9 +142,8 @@ class PicturePart:
         if shaded is None:
             return sums
         lens, is_falloff = self._symmetry(shaded, chosen), [s.view == "falloff" for s in STATISTICS]
-        return Sums(
-            np.where(is_falloff, lens.above, sums.above), np.where(is_falloff, lens.below, sums.below)
-        )
+        pairs = (lens.above, sums.above), (lens.below, sums.below)
+        return Sums(*(np.where(is_falloff, *pair) for pair in pairs))
 
     def _error(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(statistics,) standard error of the symmetries less their expectation, and its degrees of freedom (Welch 1947)."""
@@ -192,7 +184,6 @@ class PicturePart:
 
     def _taken(self, camera: Camera, seed: int, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
         """The scenes (chosen, H, W) as the camera would have taken them, in 1/255 of full scale, and as its optics shades them.
-
         None for the second without optics.
         """
         s = self.scenes
@@ -210,24 +201,17 @@ class PicturePart:
             light = torch.from_numpy(s.light[numbers])[:, None]
             with torch.no_grad():
                 light, lens = self._before_the_lens(camera, light, stream)
-                picture = self._developed(camera, light, stream)
-            taken.append((torch.round(s.codes * picture) * (255 / s.codes)).numpy())
+                dn = camera.expose(light * _white(camera), stream, resolution=self.resolution)
+                picture = encoded(dn / (2**camera.bit_depth - 1), s.transfer)
+                picture = camera.finish(picture, stream) if camera.finishes else picture
+            taken.append((torch.round(s.codes * picture[:, 0].clamp(0, 1)) * (255 / s.codes)).numpy())
             shaded += [] if lens is None else [lens]
         return np.concatenate(taken), np.concatenate(shaded) if shaded else None
-
-    def _developed(self, camera: Camera, light: Tensor, stream: Stream) -> Tensor:
-        """(B, H, W) in [0, 1]."""
-        top = 2**camera.bit_depth - 1
-        dn = camera.expose(light * _white(camera), stream, resolution=self.resolution)
-        picture = encoded(dn / top, self.scenes.transfer)
-        picture = camera.finish(picture, stream) if camera.finishes else picture
-        return picture[:, 0].clamp(0, 1)
 
     def _before_the_lens(
         self, camera: Camera, light: Tensor, stream: Stream
     ) -> tuple[Tensor, np.ndarray | None]:
         """Light of which the camera's optics makes the scenes' levels, but for what is finer than shading, and the scenes behind.
-
         A picture shows its scene behind the lens; its noise goes by the levels that it has. Without optics: the light, None.
         """
         if not any(effect.stage == Stage.OPTICS for effect in camera.effects):
@@ -244,9 +228,8 @@ class PicturePart:
             return light, None
         passed = seen[-1]
         # Shading is slower than a Gaussian of 8 px, blur is faster. No light is raised or lowered by more than a factor of 4.
-        slow = [
-            torch.from_numpy(ndimage.gaussian_filter(x.numpy(), (0, 0, 8.0, 8.0))) for x in (light, passed)
-        ]
+        wide = (0, 0, 8.0, 8.0)
+        slow = [torch.from_numpy(ndimage.gaussian_filter(x.numpy(), wide)) for x in (light, passed)]
         through = (slow[0] / slow[1].clamp_min(1e-6)).clamp(1 / 4.0, 4.0)
         s = self.scenes
         dark = decoded(torch.tensor(s.black / 255), s.transfer)
@@ -271,17 +254,7 @@ class PicturePart:
 def picture_part(
     frames: FrameSet, camera: Camera, transfer: str, scenes: FrameSet | None, warn: Callable[[str], object]
 ) -> tuple[PicturePart, Selection]:
-    """The pictures of a set as a part, and which of them and what window are used.
-
-    Args:
-        camera: supplies the level at which its pictures saturate, and what is not measured.
-        transfer: how picture values follow from light, linear or srgb.
-        scenes: other pictures with such scenes, whose symmetries take the place of zero.
-
-    Raises:
-        InputError: too few pictures, or none with a black sky or flat regions.
-    """
+    """The pictures of a set as a part, and which of them and what window are used; arguments and errors as of `scenes_of`."""
     own, taken, used = scenes_of(frames, camera, transfer, scenes, warn)
     dn = (2**camera.bit_depth - 1) / 255
-    part = PicturePart(own, taken, used.size, dn, camera.spec.exposure_s)
-    return part.compared_with(camera), used
+    return PicturePart(own, taken, used.size, dn, camera.spec.exposure_s).compared_with(camera), used

@@ -38,7 +38,7 @@ class VariancePart:
         return VariancePart(self.variance - other.variance, float(np.hypot(self.error, other.error)), fewest)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Pattern:
     """Parts by name: pixel, prnu; row, column (all of it), row_fixed, column_fixed (what recurs). None: not told."""
 
@@ -117,31 +117,26 @@ def recurring(
             lit.add(n % 2, noise, np.where(flat & (x > 10.0), x, 0.0), x)  # brighter ones tell their response
         for axis, kept in lines.items():
             kept.add(n % 2, linear, dark, axis, usable)
-    found = Pattern()
-    found.pixel, found.prnu = _dark_and_response(plain, lit)
-    found.row, found.row_fixed = lines[0].parts()
-    found.column, found.column_fixed = lines[1].parts()
-    return found
+    return Pattern(*_dark_and_response(plain, lit), *lines[0].parts(), *lines[1].parts())
 
 
 class _Places:
     """Means over pictures of the coefficients at each place under weights w, which are offsets plus response times light."""
 
     def __init__(self) -> None:
-        self._values, self._offset, self._light = _Halves(), _Halves(), _Halves()
+        self._kept = [_Halves() for _ in range(3)]  # of values, offsets and light
 
     def add(self, half: int, values: np.ndarray, weight: np.ndarray, x: np.ndarray) -> None:
-        self._values.add(half, values * weight[..., None], weight)
-        self._offset.add(half, weight[..., None], weight)
-        self._light.add(half, (weight * x)[..., None], weight)
+        added = values * weight[..., None], weight[..., None], (weight * x)[..., None]
+        for kept, each in zip(self._kept, added):
+            kept.add(half, each, weight)
 
     def products(self) -> tuple[VariancePart, float, float] | None:
         """Mean product of the halves, and how much of it an offset and a response of variance 1 would make."""
-        every = [h.covariance() for h in (self._values, self._offset, self._light)]
-        if any(e is None for e in every):
+        value, offset, light = (kept.covariance() for kept in self._kept)
+        if value is None or offset is None or light is None:
             return None
-        value, offset, light = every
-        return value, offset.variance, light.variance  # type: ignore[union-attr,return-value]
+        return value, offset.variance, light.variance
 
 
 def _dark_and_response(plain: _Places, lit: _Places) -> tuple[VariancePart | None, VariancePart | None]:
@@ -184,7 +179,6 @@ APART = 2  # blocks on each side of one with which it may share content
 
 class _Lines:
     """Rows (axis 0) or columns (axis 1): coefficients of the other frequency 0.
-
     The noise of a line is common to all blocks along it, however far apart, and content to neighbours: a picture's variance is
     the mean product of blocks that are more than APART from each other. Slopes and bumps of the content, which reach farther,
     are taken off as the cubic that the coefficients 1 to 3 tell.

@@ -72,22 +72,16 @@ def _root(part: VariancePart, factor: float) -> Interval:
 
 
 def add_processing(
-    found: Findings,
-    pictures: PictureSet,
-    blocks: Blocks,
-    levels: Levels,
-    rounding: Rounding,
-    texture: Texture,
+    found: Findings, blocks: Blocks, levels: Levels, rounding: Rounding, texture: Texture
 ) -> None:
     """JPEG quality from the file; spectrum of the noise."""
-    if pictures.is_jpeg:
-        quality = quality_of(pictures.steps)
+    if rounding.is_jpeg:
+        quality = quality_of(rounding.steps)
         add(found, "jpeg.quality", quality, "1", "the file's own table; compressed once")
         found.effects.append({"name": "jpeg", "quality": round(quality[0]), "chroma": "full"})
         return
     commonest = int(np.argmax(levels.blocks.sum(0)))
-    here = np.abs(blocks.level - levels.level[commonest]) < 1
-    coefficients = blocks.coefficients[here]
+    coefficients = blocks.coefficients[np.abs(blocks.level - levels.level[commonest]) < 1]
     coefficients = coefficients[is_flat(coefficients, levels.variance[commonest], rounding)]
     fine, coarse = (np.median(coefficients[:, NOISE & which] ** 2) for which in (U + V > 9, U + V < 8))
     if coarse <= 0:

@@ -31,9 +31,7 @@ class NoiseCurve:
 
     def noise(self, weights: np.ndarray | None = None, share: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Level and variance without texture where the pictures have these weights.
-
-        Args:
-            share: standard errors by which the share of texture is moved.
+        `share`: standard errors by which the share of texture is moved.
         """
         weights = np.ones(len(self.pictures)) if weights is None else weights
         level, variance = self.levels.of_pictures(weights, self.rounding)
@@ -50,30 +48,26 @@ class NoiseCurve:
 
 @dataclass(frozen=True)
 class Reading:
-    """One tone curve that the pictures allow: its law, and gain, read noise and black level with their ends.
-
-    `contrast`: of texture that all surfaces seem to have, as fine as noise; 0 where noise grows no faster than the law says.
-    `misfit`: root of chi-square by its degrees of freedom, 1 or more, by which errors are enlarged.
-    """
+    """One tone curve that the pictures allow: its law, and gain, read noise and black level with their ends."""
 
     law: VarianceLaw
     gain: Interval
     read: Interval
     black: Interval
+    # of texture that all surfaces seem to have, as fine as noise; 0 where noise grows no faster than the law
+    # says
     contrast: float
-    misfit: float
+    misfit: float  # root of chi-square by its degrees of freedom, 1 or more, by which errors are enlarged
 
 
 def readings_of(curve: NoiseCurve, start: VarianceLaw) -> list[Reading]:
     """The tone curves that the noise curve allows at 2 %, the best first.
-
     One under which read noise exceeds the shot noise of a saturated pixel is none of a camera: a full well holds more
     electrons than the square of the read noise.
     """
     start = replace(start, prnu=_deviation(curve.pattern.prnu))
     fits = [_fit(tone, curve, start) for tone in TONES]
-    fits = [(law, chi) for law, chi in fits if law.read < law.shot * 255]
-    if not fits:
+    if not (fits := [(law, chi) for law, chi in fits if law.read < law.shot * 255]):
         return []
     least = min(chi for _, chi in fits)
     scale = max(least / max(len(curve.levels.level) - 2, 1), 1.0)
@@ -83,7 +77,6 @@ def readings_of(curve: NoiseCurve, start: VarianceLaw) -> list[Reading]:
 
 def _with_contrast(law: VarianceLaw, chi: float, curve: NoiseCurve) -> VarianceLaw | None:
     """The law with a part that grows with the square of light, as texture of one contrast does, beyond the pixels' response.
-
     None where the noise curve does not ask for it at 2 %.
     """
     level, variance = curve.noise()
@@ -95,7 +88,6 @@ def _with_contrast(law: VarianceLaw, chi: float, curve: NoiseCurve) -> VarianceL
 
 def _fit(tone: str, curve: NoiseCurve, start: VarianceLaw) -> tuple[VarianceLaw, float]:
     """The best law under a tone curve and its chi-square.
-
     Without a sky the black level is the lowest, from 0 on, with which read noise is not negative: only both together show.
     """
     level, variance = curve.noise()
@@ -170,7 +162,6 @@ def _scaled(interval: Interval, factor: float) -> Interval:
 
 def _open(law: VarianceLaw, curve: NoiseCurve, fixed: float) -> Iterator[np.ndarray]:
     """Figures (ways, 3) at the ends of what is not known exactly: the share of texture, response and offsets of pixels.
-
     Noise that JPEG has rounded together with texture does not add up as variances do, and texture as fine as noise cannot be told
     from it: there the noise with all of the texture is one of the ends. Where the sky's noise has heavy tails, or faint stars,
     the noise of its quiet blocks is one: lit levels have lost as much by the choice of theirs.

@@ -33,33 +33,20 @@ def decoded(values: Tensor, transfer: str) -> Tensor:
 
 @dataclass(frozen=True)
 class Scenes:
-    """What a simulation needs of the pictures.
+    """What a simulation needs of the pictures."""
 
-    Attributes:
-        light: (n, H, W) share of the light that saturates the converter; 0 in the black sky.
-        regions: where both are looked at.
-        numbers: (n,) of the pictures in the set.
-        window: rows and columns of the sensor that are used.
-        black: level of no light, in 1/255 of full scale.
-        saturated: level from which a pixel is saturated, in 1/255 of full scale.
-        transfer: how picture values follow from light.
-        codes: highest code of the files.
-        quality: of the JPEG files; None where they are none.
-        symmetry: sums of the pictures.
-        expected: (3, statistics) what the symmetries' statistics are in pictures of such scenes, its squared standard error and
-            the degrees of freedom of that; NaN where it is not known, and the statistic is not used.
-    """
-
-    light: np.ndarray
-    regions: Regions
-    numbers: tuple[int, ...]
-    window: tuple[int, int, int, int]
-    black: float
-    saturated: float
-    transfer: str
-    codes: float
-    quality: int | None
-    symmetry: Sums
+    light: np.ndarray  # (n, H, W) share of the light that saturates the converter; 0 in the black sky
+    regions: Regions  # where both are looked at
+    numbers: tuple[int, ...]  # (n,) of the pictures in the set
+    window: tuple[int, int, int, int]  # rows and columns of the sensor that are used
+    black: float  # level of no light, in 1/255 of full scale
+    saturated: float  # level from which a pixel is saturated, in 1/255 of full scale
+    transfer: str  # how picture values follow from light
+    codes: float  # highest code of the files
+    quality: int | None  # of the JPEG files; None where they are none
+    symmetry: Sums  # sums of the pictures
+    # (3, statistics) what the symmetries' statistics are in pictures of such scenes, its squared standard
+    # error and the degrees of freedom of that; NaN where it is not known, and the statistic is not used
     expected: np.ndarray
 
 
@@ -101,9 +88,8 @@ def scenes_of(
     if regions.sky is None:
         warn("no_black_sky: the pictures have no black sky; what shows in the dark alone is not seen")
     if not regions.levels:
-        warn(
-            "no_flat_regions: the pictures have hardly any lit region without texture; what grows with light is not seen"
-        )
+        said = "the pictures have hardly any lit region without texture; what grows with light is not seen"
+        warn(f"no_flat_regions: {said}")
     rows, columns = frames.shape(pictures.indices[0])
     black = regions.sky if regions.sky is not None else stated
     smooth = smooth_scenes(taken, regions)
@@ -136,7 +122,6 @@ def _stated_black(camera: Camera, transfer: str) -> float:
 
 def chosen_of(pictures: PictureSet, budget: int = 1_200_000) -> tuple[np.ndarray, tuple[int, int, int, int]]:
     """Pictures, evenly spaced, and the window in the middle of them that is looked at, whole blocks of the JPEG grid.
-
     `budget`: pixels of all of them together.
     """
     rows, columns = pictures.frames.shape(pictures.indices[0])
@@ -145,9 +130,8 @@ def chosen_of(pictures: PictureSet, budget: int = 1_200_000) -> tuple[np.ndarray
     share = min(1.0, np.sqrt(budget / (count * rows * columns)))
     height, width = (max(int(share * side) // SIDE, 4) * SIDE for side in (rows, columns))
     if min(rows, columns) < 4 * SIDE:
-        raise InputError(
-            f"the pictures are {rows} x {columns}", field="frames", expected="32 x 32 pixels or more"
-        )
+        problem = f"the pictures are {rows} x {columns}"
+        raise InputError(problem, field="frames", expected="32 x 32 pixels or more")
     top, left = ((side - part) // 2 // SIDE * SIDE for side, part in ((rows, height), (columns, width)))
     return chosen, (top, top + height, left, left + width)
 
@@ -181,7 +165,6 @@ def smooth_scenes(pictures: np.ndarray, regions: Regions) -> np.ndarray:
 
 def unspilled(scenes: np.ndarray, saturated: float) -> np.ndarray:
     """Scenes (n, H, W) whose saturated areas are no longer along columns than along rows.
-
     Scenes have no preferred axis, so what is longer is charge that spilled, and not light. It is replaced by what lies as far along
     the rows from the middle of the light. The middle is where an area is widest; areas that a narrower trail joins have one each.
     """
@@ -198,8 +181,7 @@ def unspilled(scenes: np.ndarray, saturated: float) -> np.ndarray:
             rows = np.clip(row + x, 0, picture.shape[0] - 1)
             columns = np.clip(column + y, 0, picture.shape[1] - 1)
             longer = np.abs(y) > np.abs(x)
-            to = (row + y)[longer], (column + x)[longer]
-            scene[to] = picture[rows[longer], columns[longer]]
+            scene[(row + y)[longer], (column + x)[longer]] = picture[rows[longer], columns[longer]]
     return found
 
 
@@ -236,26 +218,22 @@ def _expected(
     scenes: FrameSet, camera: Camera, transfer: str, saturated: float, warn: Callable[[str], object]
 ) -> np.ndarray:
     """(3, statistics): the symmetries' statistics of other pictures as the camera would take them, see `Scenes.expected`.
-
     As without other pictures where too few of them tell a statistic.
-
     With the camera's noise, so that the same regions pass for flat.
     """
     pictures = largest_group(scenes, warn)
     chosen, window = chosen_of(pictures)
     clean = read_windows(pictures, chosen, window)
     dark = find_regions(clean, saturated, Rounding(pictures.steps, pictures.is_jpeg)).sky or 0.0
-    light = _light(clean, dark, 256.0, transfer)
-    taken, black = _taken(light, camera, transfer)
+    taken, black = _taken(_light(clean, dark, 256.0, transfer), camera, transfer)
     regions = find_regions(taken, saturated, Rounding(np.ones((SIDE, SIDE)), False))
     shape = pictures.frames.shape(pictures.indices[0])
     level = regions.sky if regions.sky is not None else black
     sums = symmetry_sums(taken, regions.lit >= 0, level, saturated, (window[0], window[2]), shape)
     unknown = _unknown()
     if not sums.told[np.isnan(unknown[0])].all():
-        warn(
-            "scenes_tell_nothing: too few scenes have flat or smooth regions; falloff of light is not compared"
-        )
+        said = "too few scenes have flat or smooth regions; falloff of light is not compared"
+        warn(f"scenes_tell_nothing: {said}")
     return np.where(sums.told, np.stack([sums.ratio, sums.variance, sums.freedom]), unknown)
 
 

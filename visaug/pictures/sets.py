@@ -12,15 +12,12 @@ from visaug.pictures.files import PictureSet
 _ONLY_ROUNDING_DN2 = 0.12  # a code's rounding alone gives 1/12
 
 
-def jackknife(
-    figures: Callable[[np.ndarray], np.ndarray], pictures: int
-) -> tuple[np.ndarray, np.ndarray, int]:
-    """Value, standard error and degrees of freedom of figures of weighted pictures, by leaving out groups of them."""
-    value = figures(np.ones(pictures))
-    groups = min(pictures, 12)
-    if groups < 2:
+def jackknife(figures: Callable[[np.ndarray], np.ndarray], count: int) -> tuple[np.ndarray, np.ndarray, int]:
+    """Value, standard error and degrees of freedom of figures of `count` weighted pictures, by leaving out groups of them."""
+    value = figures(np.ones(count))
+    if (groups := min(count, 12)) < 2:
         return value, np.full(len(value), np.nan), 1
-    member = np.arange(pictures) % groups
+    member = np.arange(count) % groups
     left = np.array([figures((member != g).astype(float)) for g in range(groups)])
     spread = np.sqrt((groups - 1) * np.mean((left - left.mean(0)) ** 2, 0))
     return value, spread, groups - 1
@@ -28,7 +25,6 @@ def jackknife(
 
 def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
     """The black sky: the darkest level around which a tenth or more of all blocks lie, where it is flat and stands alone.
-
     None where levels go on above it as those of dark surfaces do, where others are darker, or where nothing is brighter: then it
     may be any level.
     Offsets of rows and columns spread the levels of its blocks. Those below its level hold no light and give the spread.
@@ -49,9 +45,7 @@ def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
     below = dark - ordered[ordered < dark]
     spread = float(np.median(below)) / 0.6745 if len(below) else 0.0  # the normal quartile
     reach = Sky(dark, 0.0, spread).reach
-    within, beyond = (
-        np.count_nonzero((ordered > dark + k * reach) & (ordered <= dark + (k + 1) * reach)) for k in (0, 1)
-    )
+    within, beyond = np.diff([np.count_nonzero(ordered <= dark + k * reach) for k in (0, 1, 2)])
     darker = np.count_nonzero(ordered < dark - reach)
     # A surface of changing brightness has about as many blocks just above the sky's reach as within, here a quarter of them at
     # most. Dead lines are few, and nothing is darker than no light.
@@ -64,22 +58,19 @@ def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
     # they do not average out over the pictures.
     columns = math.sqrt(np.count_nonzero(near) / len(seen))
     error = math.hypot(float(np.std(means)) / math.sqrt(len(means)), spread / math.sqrt(columns))
-    level = float(np.median(means))
-    return Sky(level, float(max(error, 0.01)), spread)
+    return Sky(float(np.median(means)), float(max(error, 0.01)), spread)
 
 
 def is_rendered(blocks: Blocks, levels: Levels, rounding: Rounding) -> bool:
     """Whether there is rounding and no noise: at the flat levels, or in the smoothest tenth of the lit blocks.
-
     Of a camera even the smoothest lit blocks hold its noise. JPEG may round it away there, so its files are judged by levels: lit
     ones where there are any, for rounding hides the noise of a quiet camera's black sky.
     """
     lit_dn = 30.0
     lit = blocks.coefficients[blocks.level > lit_dn]
-    if len(lit) >= 10 and not rounding.is_jpeg:
-        fine = (lit[:, NOISE] ** 2).mean(1)
-        if np.quantile(fine, 0.1) < _ONLY_ROUNDING_DN2:
-            return True
+    fine = np.quantile((lit[:, NOISE] ** 2).mean(1), 0.1) if len(lit) >= 10 else np.inf
+    if fine < _ONLY_ROUNDING_DN2 and not rounding.is_jpeg:
+        return True
     weight = levels.blocks.sum(0)
     if weight[levels.level > lit_dn].any():
         weight = np.where(levels.level > lit_dn, weight, 0)

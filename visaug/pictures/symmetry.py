@@ -58,7 +58,6 @@ class Sums:
     @property
     def freedom(self) -> np.ndarray:
         """(statistics,) degrees of freedom of `variance`, at least 1 (Satterthwaite 1946).
-
         A sum of squares d^2 has at most the variance of the sum of d^4: few pictures with large weights tell an error badly.
         """
         fourth = (self.deviations**4).sum(0)
@@ -76,13 +75,9 @@ class Sums:
 def symmetry_sums(
     pictures: np.ndarray, flat: np.ndarray, black: float, saturated: float, corner: tuple, size: tuple
 ) -> Sums:
-    """The sums of pictures (n, H, W).
-
-    Args:
-        flat: (n, R, C) lit blocks without structure.
-        black: level of no light.
-        saturated: level from which a pixel is saturated.
-        corner, size: row and column at which the pictures begin on the sensor; the sensor's rows and columns.
+    """The sums of pictures (n, H, W), from `flat` (n, R, C), lit blocks without structure.
+    `black`, `saturated`: level of no light, and from which a pixel is saturated.
+    `corner`, `size`: row and column at which the pictures begin on the sensor; the sensor's rows and columns.
     """
     falloff = _falloff(pictures, flat, black, corner, size)
     areas = area_sums(pictures >= saturated)
@@ -94,14 +89,11 @@ def _falloff(pictures: np.ndarray, flat: np.ndarray, black: float, corner: tuple
     blocks = cut(pictures)
     light = np.maximum(blocks.mean((2, 4)) - black, 1.0)
     # Relative change per pixel, of which 3 % still count as shading.
-    slopes = [
-        np.clip(np.tensordot(blocks.sum(summed), _RAMP, ([side], [0])) / light, -0.03, 0.03)
-        for summed, side in ((4, 2), (2, 3))
-    ]
+    ramps = [np.tensordot(blocks.sum(summed), _RAMP, ([side], [0])) for summed, side in ((4, 2), (2, 3))]
+    slopes = [np.clip(ramp / light, -0.03, 0.03) for ramp in ramps]
     half = np.hypot(*size) / 2
-    y, x = (
-        (np.arange(light.shape[k + 1]) * SIDE + SIDE / 2 + corner[k] - size[k] / 2) / half for k in (0, 1)
-    )
+    middles = [np.arange(n) * SIDE + SIDE / 2 for n in light.shape[1:]]
+    y, x = ((middles[k] + corner[k] - size[k] / 2) / half for k in (0, 1))
     along = -(slopes[0] * y[:, None] + slopes[1] * x[None, :]) * half / 2
     square = y[:, None] ** 2 + x[None, :] ** 2
     parts = [flat & part for part in (square < 0.3, square >= 0.3)]

@@ -19,17 +19,11 @@ _EDGES = np.concatenate([[0.0], 0.01 * _RATIO ** (3 * np.arange(85)), [np.inf]])
 
 @dataclass(frozen=True)
 class Texture:
-    """Texture in the flat blocks of each level.
+    """Texture in the flat blocks of each level."""
 
-    Attributes:
-        power: (levels,) at low coefficients, over the noise.
-        share: of it that high coefficients hold, and so the noise that is measured.
-        error: standard error of the share.
-    """
-
-    power: np.ndarray
-    share: float
-    error: float
+    power: np.ndarray  # (levels,) at low coefficients, over the noise
+    share: float  # of it that high coefficients hold, and so the noise that is measured
+    error: float  # standard error of the share
 
     def excess(self, deviations: float = 0.0) -> np.ndarray:
         """(levels,) texture over noise in the variance of flat blocks, at the share moved by its standard errors."""
@@ -108,13 +102,10 @@ def _groups(
     """Number of the level, mean texture, variance of the high coefficients and number of blocks of groups of like texture."""
     chosen = np.flatnonzero(texture < 4.0)  # blocks beyond hold edges, whose spectrum is another
     chosen = chosen[np.argsort(texture[chosen], kind="stable")]
-    parts = np.array_split(chosen, max(min(6, len(chosen) // 8), 1))
+    parts = [p for p in np.array_split(chosen, max(min(6, len(chosen) // 8), 1)) if len(p)]
     counts = rounding.counts()
-    return [
-        (number, float(texture[p].mean()), rounding.variance(sums[p].sum(0), counts * len(p)), len(p))
-        for p in parts
-        if len(p)
-    ]
+    noise = [rounding.variance(sums[p].sum(0), counts * len(p)) for p in parts]
+    return [(number, float(texture[p].mean()), v, len(p)) for p, v in zip(parts, noise)]
 
 
 def _line(groups: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, float, float]:

@@ -27,12 +27,6 @@ def write_report(path: Path, result: Any) -> None:
 
 
 __all__ = [
-    "sheet_json",
-    "write_characterization",
-    "write_comparison",
-    "write_diagnosis",
-    "write_inspection",
-    "write_picture_comparison",
-    "write_report",
-    "write_sheet",
-]
+    "sheet_json", "write_characterization", "write_comparison", "write_diagnosis", "write_inspection",
+    "write_picture_comparison", "write_report", "write_sheet",
+]  # fmt: skip

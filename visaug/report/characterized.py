@@ -5,21 +5,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from visaug.report.headline import characterization_headline, entry_text
-from visaug.report.html import Block, Page, Section, Table, Text, figure, footer, write_page
+from visaug.report.html import Block, Page, Section, Table, Text, figure, footer, next_text, write_page
 from visaug.report.next_step import Inputs, after_characterization
-from visaug.report.pages import described, next_text, unit_text
+from visaug.report.pages import described, unit_text
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
     from visaug.characterization import Characterization
     from visaug.frames import FrameSet
 
-FACTS = (
-    ("gain_e_per_dn", "gain"),
-    ("read_noise.sigma_e", "read noise"),
-    ("quantum_efficiency", "quantum efficiency"),
-    ("emva.saturation_e", "saturation"),
-)
+FACTS = (("gain_e_per_dn", "gain"), ("read_noise.sigma_e", "read noise"),
+         ("quantum_efficiency", "quantum efficiency"), ("emva.saturation_e", "saturation"))  # fmt: skip
 
 
 def write_characterization(
@@ -36,24 +32,23 @@ def write_characterization(
         camera: that was given beside the frames.
     """
     content = result.to_json()
+    known = content["parameters"]
     pictured = frames.is_pictures
     inputs = replace(Inputs.of(camera, frames, camera_file), transfer=result.transfer or "linear")
-    pictures = [
-        figure(drawn, CAPTIONS.get(name, name.replace("_", " ")), wide=drawn.get_figwidth() > 8)
-        for name, drawn in result.plots().items()
-    ]
+    plots = result.plots().items()
+    pictures = [figure(drawn, CAPTIONS[name], wide=drawn.get_figwidth() > 8) for name, drawn in plots]
     found: list[Block] = []
     if headline := characterization_headline(content, camera_file.name if camera_file else None):
         found.append(Text(headline, "finding"))
-    if not pictured or "gain_e_per_dn" in content["parameters"]:  # else there is no camera to write
+    if not pictured or "gain_e_per_dn" in known:  # else there is no camera to write
         step = after_characterization(inputs, pictured, result.has_gain, result.base is not None)
         found.append(next_text(step))
-    tables = _parameter_tables(content["parameters"])
+    tables = _parameter_tables(known)
     blocks: list[Block] = [*tables[:1]]
     if rows := [[entry["parameter"], entry["needs"]] for entry in content["not_determined"]]:
         blocks.append(Table(["not determined", "needs"], rows, caption="Not determined by these frames."))
     blocks += [Text(warning, "note") for warning in content["warnings"]]
-    if rows := [[name, e["assumes"]] for name, e in content["parameters"].items() if "assumes" in e]:
+    if rows := [[name, e["assumes"]] for name, e in known.items() if "assumes" in e]:
         blocks.append(Table(["parameter", "assumes"], rows, caption="What the figures assume."))
     sections = [
         Section("What was found", [*found, *pictures[:2]]),
@@ -65,11 +60,7 @@ def write_characterization(
         "Camera characterization",
         f"What {described(frames)} tell of the camera that took them. Every interval is 95 %.",
         [section for section in sections if section.blocks],
-        facts=[
-            (entry_text(content["parameters"][key]), name)
-            for key, name in FACTS
-            if key in content["parameters"]
-        ],
+        facts=[(entry_text(known[key]), name) for key, name in FACTS if key in known],
         footer=footer(None, frames),
     )
     return write_page(path, page)
@@ -90,9 +81,8 @@ def _parameter_tables(parameters: dict[str, dict[str, Any]]) -> list[Table]:
     tables = []
     for group, caption in groups.items():
         head, shown = ["parameter", "value [95 % interval]", "unit", "from"], rows[group]
-        if all(
-            row[-1].lower() in caption.replace(",", "").lower() for row in shown
-        ):  # the source is said already
+        # where the caption says the source already
+        if all(row[-1].lower() in caption.replace(",", "").lower() for row in shown):
             head, shown = head[:-1], [row[:-1] for row in shown]
         tables += [Table(head, shown, caption)] if shown else []
     return tables

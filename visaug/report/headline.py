@@ -18,9 +18,7 @@ Content = Mapping[str, Any]
 
 def characterization_headline(content: Content, written: str | None) -> str | None:
     """What the frames show beyond the base chain, and where it was written; None where there is nothing.
-
-    Args:
-        written: the camera file that holds it.
+    `written`: the camera file that holds it.
     """
     if not content.get("effects"):
         return None
@@ -64,10 +62,17 @@ WHERE_HEAD = ["view", "share of the misfit", "worst statistic", "standard deviat
 
 def where_rows(where: list[dict[str, Any]]) -> list[list[str]]:
     """Where model and frames differ, the ten largest shares, under `WHERE_HEAD`."""
-    return [
-        [view_title(w["view"]), share_text(w["share"]), statistic_text(w["worst"]), deviation_text(w["z"])]
-        for w in where[:10]
-    ]
+    texts = {"view": view_title, "share": share_text, "worst": statistic_text, "z": deviation_text}
+    return [[text(w[key]) for key, text in texts.items()] for w in where[:10]]
+
+
+def where_captions(where: list[dict[str, Any]]) -> dict[str, str]:
+    """The worst statistic of each view as a caption."""
+    return {
+        w["view"]: f"{share_text(w['share'])} of the misfit; {statistic_text(w['worst'])}: "
+        f"{deviation_text(w['z'])} standard deviations from the model."
+        for w in reversed(where)
+    }
 
 
 def comparison_headline(content: Content) -> str:
@@ -128,9 +133,8 @@ def diagnosis_details(content: Content) -> list[str]:
             "what is named resembles it, or explains a small part of it by chance."
         )
     for group in content["ambiguous"]:
-        lines.append(
-            f"These frames cannot tell apart: {', '.join(group['effects'])}. To separate them: {group['measure']}."
-        )
+        advice = f"To separate them: {group['measure']}."
+        lines.append(f"These frames cannot tell apart: {', '.join(group['effects'])}. {advice}")
     if content.get("form"):
         lines.append(content["form"])
     if content["unexplained"] and content["accepted"]:
@@ -138,6 +142,24 @@ def diagnosis_details(content: Content) -> list[str]:
     if (part := (content["unexplained"] or {}).get("component")) is not None:
         lines.append(_component(part))
     return lines
+
+
+def diagnosis_facts(content: Content) -> list[tuple[str, str]]:
+    """The effects, their strengths, and the error in a few facts: value, and what it is."""
+    error = content["error"]
+    known = {entry["effect"]: entry for entry in content["ranking"]}
+    facts = [(", ".join(content["accepted"]) or "nothing", "missing effect")]
+    for name in content["accepted"][:2]:
+        entry = known.get(name, {})
+        for key, e in list((entry.get("parameters") or {}).items())[:1]:
+            facts.append((entry_text(e), f"{name}: {key}, 95 % interval"))
+        if entry.get("probability") is not None:
+            facts.append((probability_text(entry["probability"]), f"probability of {name} {AMONG}"))
+    if error["before"] is not None:
+        low, high = error["interval_after"] or (None, None)
+        after = with_interval(error["after"], low, high)
+        facts.append((f"{error['before']:.2g} → {after}", "error before and after"))
+    return facts
 
 
 def _component(part: Content) -> str:
@@ -171,7 +193,7 @@ COUNTED = (
     "right"
 )  # a sentence of docs/results.md
 PROBABILITY = (
-    "Probability: posterior probability among the effects that were tried and a cause outside the catalogue, which is judged by "
+    f"Probability: posterior probability {AMONG}, which is judged by "
     f"what the accepted effects leave. Counted: {COUNTED} (docs/results.md). "
     "p-value: probability that a complete camera shows a difference at least as large."
 )

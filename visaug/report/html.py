@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from visaug.camera import Camera
     from visaug.frames import FrameSet
+    from visaug.report.next_step import NextStep
 
 
 @dataclass(frozen=True)
@@ -36,16 +37,13 @@ class Text:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of cells under a head; numbers are aligned right, rows in `strong` are set bold.
-
-    `groups` stands above the head: labels, each with the number of columns that it spans.
-    """
+    """Rows of cells under a head; numbers are aligned right."""
 
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
     caption: str = ""
-    strong: frozenset[int] = frozenset()
-    groups: Sequence[tuple[str, int]] = ()
+    strong: frozenset[int] = frozenset()  # rows that are set bold
+    groups: Sequence[tuple[str, int]] = ()  # above the head: labels, each with the number of its columns
 
     def is_number(self, column: int) -> bool:
         cells = [row[column] for row in self.rows if column < len(row) and row[column].strip()]
@@ -100,8 +98,11 @@ def render(page: Page) -> str:
     return template("page.html").render(page=page)
 
 
+def next_text(step: "NextStep") -> Text:
+    return Text(step.text, command=step.command)
+
+
 def write_page(path: str | Path, page: Page) -> Path:
-    """Write the page whole; returns its path."""
     write_text(path, render(page))
     return Path(path)
 
@@ -121,9 +122,8 @@ def figure(
     with mpl.rc_context({"svg.hashsalt": "visaug", "svg.fonttype": "path"}):
         drawn.savefig(buffer, **form, bbox_inches="tight", pad_inches=0.06)
     content = base64.b64encode(buffer.getvalue()).decode("ascii")
-    return Figure(
-        f"data:image/{'png' if raster else 'svg+xml'};base64,{content}", caption, alt or caption, wide
-    )
+    kind = "png" if raster else "svg+xml"
+    return Figure(f"data:image/{kind};base64,{content}", caption, alt or caption, wide)
 
 
 @cache
@@ -152,11 +152,9 @@ STARTED = time.monotonic()
 
 def footer(camera: "Camera | None", frames: "FrameSet | None", seed: int | None = None) -> str:
     """Date, version, command, seed, inputs with hashes, and the time since the program started.
-
-    Args:
-        camera: the camera file that was used.
-        frames: the frames that were used; the hash covers their table, not their pixels.
-        seed: of the simulations.
+    `camera`: the camera file that was used.
+    `frames`: the frames that were used; the hash covers their table, not their pixels.
+    `seed`: of the simulations.
     """
     from visaug import __version__
 

@@ -5,9 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from visaug.core.wording import counted, number, with_interval
-from visaug.report.html import Block, Page, Section, Table, Text, figure, footer, write_page
+from visaug.report.html import Block, Page, Section, Table, Text, figure, footer, next_text, write_page
 from visaug.report.next_step import NextStep
-from visaug.report.pages import next_text
 from visaug.report.plots.inspected import plot_finding
 
 if TYPE_CHECKING:
@@ -19,10 +18,8 @@ _KINDS = {"fixed": "fixed", "per_frame": "new in each frame", None: "–"}
 
 def write_inspection(path: str | Path, result: "Inspection") -> Path:
     """What patterns the frames have, what they cannot tell, and the command that follows."""
-    blocks: list[Block] = [
-        Text(f"{result.answer[:1].upper()}{result.answer[1:]}.", "finding"),
-        Text(" ".join(measured_texts(result))),
-    ]
+    answer = Text(f"{result.answer[:1].upper()}{result.answer[1:]}.", "finding")
+    blocks: list[Block] = [answer, Text(" ".join(measured_texts(result)))]
     if rows := [finding_row(f) for f in result.findings]:
         blocks.append(Table(FINDING_HEAD, rows, caption="In the order of their evidence."))
     blocks.append(next_text(next_step(result)))
@@ -47,13 +44,9 @@ def write_inspection(path: str | Path, result: "Inspection") -> Path:
 
 
 def next_step(result: "Inspection") -> NextStep:
-    """The command that follows."""
-    measures = " characterize " in result.next_command
-    aim = (
-        "measure the camera's parameters"
-        if measures
-        else "write the table of the frames, which the measuring commands need"
-    )
+    aim = "write the table of the frames, which the measuring commands need"
+    if " characterize " in result.next_command:
+        aim = "measure the camera's parameters"
     return NextStep(f"Next: {aim}.", result.next_command)
 
 
@@ -82,9 +75,8 @@ def measured_texts(result: "Inspection") -> list[str]:
             t, p = m.temporal_noise_dn, m.pixel_pattern_dn
             noise = f", temporal noise {with_interval(t['value'], t['low'], t['high'], 'DN')} ({m.law})"
             pattern = f", pixel pattern {with_interval(p['value'], p['low'], p['high'], 'DN')}"
-        lines.append(
-            f"{counted(m.frames, f'{m.kind} frame')}: level {number(m.level_dn)} DN{noise}{pattern}."
-        )
+        level = f"level {number(m.level_dn)} DN"
+        lines.append(f"{counted(m.frames, f'{m.kind} frame')}: {level}{noise}{pattern}.")
     return lines
 
 

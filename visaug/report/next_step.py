@@ -23,26 +23,17 @@ class NextStep(NamedTuple):
 
 @dataclass(frozen=True)
 class Inputs:
-    """Inputs of a command as they were loaded. Names in capitals are placeholders for unknown files.
+    """Inputs of a command as they were loaded. Names in capitals are placeholders for unknown files."""
 
-    Attributes:
-        frames: the folder of the measured frames.
-        camera: the camera file, or the name of a camera in the package.
-        better: the file of the camera that a diagnosis or characterization wrote; None where it wrote none.
-        bit_depth: of the converter, where the caller gave it.
-        effects: files of the user's own effects.
-        transfer: how the values of pictures follow from light, `linear` or `srgb`.
-        options: further options of the diagnosis, as on the command line.
-        pictured: whether the frames are ordinary pictures, whose black level an image that is to look like them keeps.
-    """
-
-    frames: str = "FRAMES"
-    camera: str = "CAMERA"
+    frames: str = "FRAMES"  # the folder of the measured frames
+    camera: str = "CAMERA"  # the camera file, or the name of a camera in the package
+    # the file of the camera that a diagnosis or characterization wrote; None where it wrote none
     better: str | None = None
-    bit_depth: int | None = None
-    effects: tuple[str, ...] = ()
-    transfer: str = "linear"
-    options: tuple[str, ...] = ()
+    bit_depth: int | None = None  # of the converter, where the caller gave it
+    effects: tuple[str, ...] = ()  # files of the user's own effects
+    transfer: str = "linear"  # how the values of pictures follow from light, `linear` or `srgb`
+    options: tuple[str, ...] = ()  # further options of the diagnosis, as on the command line
+    # whether the frames are ordinary pictures, whose black level an image that is to look like them keeps
     pictured: bool = False
 
     @classmethod
@@ -92,10 +83,8 @@ def after_characterization(
     inputs: Inputs, of_pictures: bool = False, has_gain: bool = True, on_camera: bool = False
 ) -> NextStep:
     """After `visaug characterize`; pictures of an unknown camera cannot be compared with it.
-
-    Args:
-        has_gain: whether the gain is known, without which there is no camera file.
-        on_camera: whether a camera was given beside the frames.
+    `has_gain`: whether the gain is known, without which there is no camera file.
+    `on_camera`: whether a camera was given beside the frames.
     """
     if not has_gain:
         return NextStep("Next: list the frames that determine the gain, and take them.", "visaug plan")
@@ -131,7 +120,6 @@ def after_comparison(content: Mapping[str, Any], inputs: Inputs) -> NextStep:
 
 
 def after_diagnosis(content: Mapping[str, Any], inputs: Inputs) -> NextStep:
-    """After `visaug diagnose`."""
     if content["fits"]["adequate_before"] and not content.get("camera_file"):
         return NextStep(f"Next: train with this camera. {PICTURES}", inputs.augmenting(inputs.camera))
     interval = content["error"]["interval_after"]

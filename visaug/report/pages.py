@@ -3,32 +3,16 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from visaug.core.wording import (
-    deviation_text,
-    number,
-    p_text,
-    probability_text,
-    share_text,
-    statistic_text,
-    with_interval,
-)
+from visaug.core.wording import deviation_text, number, p_text, statistic_text
 from visaug.report import headline
-from visaug.report.html import Block, Page, Section, Table, Text, figure, footer, write_page
-from visaug.report.next_step import (
-    Inputs,
-    NextStep,
-    after_comparison,
-    after_diagnosis,
-    after_pictures,
-    picture_inputs,
-)
+from visaug.report.html import Block, Page, Section, Table, Text, figure, footer, next_text, write_page
+from visaug.report.next_step import Inputs, after_comparison, after_diagnosis, after_pictures, picture_inputs
 from visaug.report.plots.error import plot_error_steps, plot_ranking
+from visaug.report.plots.style import blank
 from visaug.report.plots.view import plot_used
 from visaug.report.views import ViewGallery, all_views
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
     from visaug.camera import Camera
     from visaug.diagnosis import Diagnosis
     from visaug.diagnosis.comparison import Comparison
@@ -59,9 +43,8 @@ def write_comparison(
     worst = list(dict.fromkeys(place["view"] for place in content["where"]))
     others = [name for name in all_views() if name not in worst]
     fits = content["fits"]
-    pictures = gallery.pictures(
-        [*worst, *others], _captions(content["where"]), _worst_frames(content["where"])
-    )
+    captions = headline.where_captions(content["where"])
+    pictures = gallery.pictures([*worst, *others], captions, _worst_frames(content["where"]))
 
     def drawn(names: list[str]) -> list[Block]:
         return [pictures[name] for name in names if name in pictures]
@@ -76,21 +59,18 @@ def write_comparison(
         Section("The other views" if worst else "Views", drawn(others)),
         used_section(content),
     ]
+    facts = [
+        ("yes" if fits["adequate_before"] else "no", "does the camera explain the frames?"),
+        (p_text(fits["p_value_before"]), "probability of such a difference by chance"),
+    ]
+    for w in content["where"][:1]:
+        size = f"{deviation_text(abs(w['z']))} standard deviations"
+        facts.append((size, f"largest difference: {statistic_text(w['worst'])}"))
     page = Page(
         "Model and measurement",
         f"{described(frames)} beside the same frames simulated with {camera.name}.",
         [section for section in sections if section.blocks],
-        facts=[
-            ("yes" if fits["adequate_before"] else "no", "does the camera explain the frames?"),
-            (p_text(fits["p_value_before"]), "probability of such a difference by chance"),
-            *(
-                (
-                    f"{deviation_text(abs(w['z']))} standard deviations",
-                    f"largest difference: {statistic_text(w['worst'])}",
-                )
-                for w in content["where"][:1]
-            ),
-        ],
+        facts=facts,
         footer=footer(camera, frames, seed),
     )
     folder = _pictures_folder(write_page(path, page))
@@ -114,33 +94,25 @@ def write_picture_comparison(path: str | Path, result: "PictureComparison") -> P
     for d in content["differences"]:
         sizes = number(d["measured"]), number(d["modelled"]), d["unit"], deviation_text(d["z"])
         rows.append([headline.view_title(d["view"]), d["statistic"], *sizes])
+    drawn = blank(6.5, 3.6)
+    axes = drawn.subplots()
+    for (name, c), marker in zip(result.curves.items(), "os", strict=True):
+        look = {"fmt": marker, "ms": 4, "capsize": 2, "label": "target" if name == "target" else "other set"}
+        axes.errorbar(c["level_dn"], c["noise_dn"], 1.96 * c["error_dn"], **look)
+    axes.set(xlabel="level (1/255 of full scale)", ylabel="noise (1/255 of full scale)")
+    axes.legend(frameon=False)
     head = ["view", "statistic", "target", "other set", "unit", "standard deviations"]
     caption = "Largest differences first. How bright the scenes are and how much sky they show do not enter."
     blocks: list[Block] = [
         Text(headline.comparison_headline(content), "finding"),
         next_text(after_pictures(content, picture_inputs(result))),
-        figure(_noise(result), "Noise of flat regions against their level, both sets. Bars are 95 %."),
+        figure(drawn, "Noise of flat regions against their level, both sets. Bars are 95 %."),
         Table(head, rows, caption=caption),
         *(Text(warning, "note") for warning in content["warnings"]),
     ]
     lead = f"{result.pictures[0]} pictures beside {result.pictures[1]} of the target."
     page = Page("Pictures and target", lead, [Section("Answer", blocks)], footer=footer(None, result.target))
     return write_page(path, page)
-
-
-def _noise(result: "PictureComparison") -> "MatplotlibFigure":
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    drawn = MatplotlibFigure(figsize=(6.5, 3.6), layout="constrained")
-    axes = drawn.subplots()
-    for (name, c), marker in zip(result.curves.items(), "os", strict=True):
-        label = "target" if name == "target" else "other set"
-        axes.errorbar(
-            c["level_dn"], c["noise_dn"], 1.96 * c["error_dn"], fmt=marker, ms=4, capsize=2, label=label
-        )
-    axes.set(xlabel="level (1/255 of full scale)", ylabel="noise (1/255 of full scale)")
-    axes.legend(frameon=False)
-    return drawn
 
 
 def used_section(content: dict[str, Any]) -> Section:
@@ -173,7 +145,7 @@ def write_diagnosis(
         "Diagnosis",
         f"{described(frames)} against {camera.name}: which physical effect does the model lack?",
         diagnosis_sections(content, camera, result.camera, frames, seed, inputs),
-        facts=_diagnosis_facts(content),
+        facts=headline.diagnosis_facts(content),
         footer=footer(camera, frames, seed),
     )
     return write_page(path, page)
@@ -201,11 +173,10 @@ def diagnosis_sections(
     if content["accepted"]:
         found.append(_accepted_table(content))
     sections = [Section("What is missing", found)]
-    views = list(dict.fromkeys(place["view"] for place in content["where"]))[:4]
-    if views:
+    if views := list(dict.fromkeys(place["view"] for place in content["where"]))[:4]:
         gallery = ViewGallery(frames, camera, seed, better if content["accepted"] else None)
         worst = _worst_frames(content["where"])
-        pictures = list(gallery.pictures(views, _captions(content["where"]), worst).values())
+        pictures = list(gallery.pictures(views, headline.where_captions(content["where"]), worst).values())
         sections.append(Section("Evidence", [*pictures[:1], where_table(content["where"]), *pictures[1:]]))
     if any(entry["error_after"] is not None for entry in content["ranking"]):
         caption = "How much of the misfit each effect alone explains."
@@ -224,27 +195,6 @@ def diagnosis_sections(
     return [*sections, looked_at] if looked_at.blocks else sections
 
 
-def next_text(step: NextStep) -> Text:
-    return Text(step.text, command=step.command)
-
-
-def _diagnosis_facts(content: dict[str, Any]) -> list[tuple[str, str]]:
-    error = content["error"]
-    low, high = error["interval_after"] or (None, None)
-    known = {entry["effect"]: entry for entry in content["ranking"]}
-    facts = [(", ".join(content["accepted"]) or "nothing", "missing effect")]
-    for name in content["accepted"][:2]:
-        entry = known.get(name, {})
-        for key, e in list((entry.get("parameters") or {}).items())[:1]:
-            facts.append((headline.entry_text(e), f"{name}: {key}, 95 % interval"))
-        if entry.get("probability") is not None:
-            facts.append((probability_text(entry["probability"]), f"probability of {name} {headline.AMONG}"))
-    if error["before"] is not None:
-        change = f"{error['before']:.2g} → {with_interval(error['after'], low, high)}"
-        facts.append((change, "error before and after"))
-    return facts
-
-
 def unit_text(unit: str) -> str:
     return "" if unit == "1" else unit
 
@@ -261,20 +211,9 @@ def where_table(where: list[dict[str, Any]]) -> Table:
 
 def _accepted_table(content: dict[str, Any]) -> Table:
     parameters = {entry["effect"]: entry.get("parameters") or {} for entry in content["ranking"]}
-    rows = [
-        [effect, key, headline.entry_text(e, ""), unit_text(e.get("unit", ""))]
-        for effect in content["accepted"]
-        for key, e in parameters.get(effect, {}).items()
-    ]
+    fitted = [(name, key, e) for name in content["accepted"] for key, e in parameters.get(name, {}).items()]
+    rows = [[name, key, headline.entry_text(e, ""), unit_text(e.get("unit", ""))] for name, key, e in fitted]
     return Table(["effect", "parameter", "value [95 % interval]", "unit"], rows, caption="Fitted parameters.")
-
-
-def _captions(where: list[dict[str, Any]]) -> dict[str, str]:
-    return {
-        w["view"]: f"{share_text(w['share'])} of the misfit; {statistic_text(w['worst'])}: "
-        f"{deviation_text(w['z'])} standard deviations from the model."
-        for w in reversed(where)
-    }
 
 
 def described(frames: "FrameSet") -> str:

@@ -21,7 +21,6 @@ Row = tuple[str, str, str, float]  # name on the sheet, symbol, key, factor for 
 
 
 def _split(release: str, what: str, symbols: bool = True) -> tuple[Row, ...]:
-    """The parts of a nonuniformity."""
     unit, factor = ("_e", 1) if what == "DSNU" else ("", 100)
     rows = []
     for part, symbol in (("row", "row"), ("column", "col"), ("pixel", "pixel")):
@@ -66,10 +65,7 @@ QUANTITIES: dict[str, tuple[Row, ...]] = {  # by heading
         ("PRNU, high-pass filtered", "", "emva4.prnu_highpass", 100),
     ),
 }
-CORRECTED = (
-    *_split("emva4_corrected", "DSNU", symbols=False),
-    *_split("emva4_corrected", "PRNU", symbols=False),
-)
+CORRECTED = [row for what in ("DSNU", "PRNU") for row in _split("emva4_corrected", what, symbols=False)]
 
 
 def write_sheet(path: str | Path, points: Sequence[OperatingPoint], frames: FrameSet) -> Path:
@@ -111,8 +107,7 @@ def _point(point: OperatingPoint) -> dict[str, Any]:
 def _table(heading: str, rows: Sequence[Row], result: Characterization) -> dict[str, Any]:
     made = []
     for name, symbol, key, factor in rows:
-        e = result.parameters.get(key)
-        if e is None:
+        if (e := result.parameters.get(key)) is None:
             if name and key in result.not_determined:
                 made.append((name, symbol, "not determined", "", ""))
             continue
@@ -128,8 +123,7 @@ def _cell(value: float) -> str:
 
 
 def _defects(result: Characterization, what: str) -> dict[str, Any] | None:
-    c = result.curves.get(f"emva4_defects_{what}")
-    if c is None:
+    if (c := result.curves.get(f"emva4_defects_{what}")) is None:
         return None
     unit = "e-" if what == "dsnu" else "%"
     rows = [

@@ -43,9 +43,7 @@ class ViewGallery:
 
     def shown(self, name: str, worst: str = "") -> "tuple[ViewPlot, list[ViewPlot | None]] | None":
         """What a view shows of the measured frames and of each modelled set; None where these frames do not show it.
-
-        Args:
-            worst: the statistic that is to be seen, "NAME, FRAMES" as in `Place.worst`.
+        `worst`: the statistic that is to be seen, "NAME, FRAMES" as in `Place.worst`.
         """
         parts = [(v, data) for views, data in self.parts for v in views if v.name == name]
         here = [(v, d) for v, d in parts if worst and d[0].place and worst.endswith(d[0].place)]
@@ -54,22 +52,9 @@ class ViewGallery:
             if measured is not None and _tells(measured):
                 same = (measured.x_label, measured.y_label, len(measured.maps))
                 # Other axes where flats of one set alone are saturated.
-                return measured, [
-                    p if p and (p.x_label, p.y_label, len(p.maps)) == same else None for p in modelled
-                ]
+                shown = [p if p and (p.x_label, p.y_label, len(p.maps)) == same else None for p in modelled]
+                return measured, shown
         return None
-
-    def figure(self, name: str, caption: str = "", focus: str = "") -> Figure | None:
-        """The picture of a view by its name; None where these frames do not show it."""
-        found = self.shown(name, focus)
-        if found is None:
-            return None
-        measured, (modelled, *after) = found
-        text = f"{measured.title}. {caption}".strip()
-        drawn = plot_view(measured, modelled, focus=focus, after=after[0] if after else None)
-        wide = bool(measured.maps) or drawn.get_figwidth() > 6
-        raster = bool(measured.maps) or sum(len(curve.x) for curve in measured.curves) > 4000
-        return figure(drawn, text, wide=wide, raster=raster)
 
     def pictures(
         self,
@@ -78,9 +63,18 @@ class ViewGallery:
         focus: dict[str, str] | None = None,
     ) -> dict[str, Figure]:
         """Pictures of several views by name, those that these frames show; `focus` names the statistic that each shows."""
-        said, seen = captions or {}, focus or {}
-        found = {name: self.figure(name, said.get(name, ""), seen.get(name, "")) for name in names}
-        return {name: picture for name, picture in found.items() if picture is not None}
+        found = {}
+        for name in names:
+            worst = (focus or {}).get(name, "")
+            if (shown := self.shown(name, worst)) is None:
+                continue
+            measured, (modelled, *after) = shown
+            text = f"{measured.title}. {(captions or {}).get(name, '')}".strip()
+            drawn = plot_view(measured, modelled, focus=worst, after=after[0] if after else None)
+            wide = bool(measured.maps) or drawn.get_figwidth() > 6
+            raster = bool(measured.maps) or sum(len(curve.x) for curve in measured.curves) > 4000
+            found[name] = figure(drawn, text, wide=wide, raster=raster)
+        return found
 
 
 def all_views() -> list[str]:

@@ -73,8 +73,7 @@ def snr(result: Characterization) -> Figure:
     if (top := int(c["saturation"][0])) >= 0:  # beyond it the noise is clipped
         seen &= photons <= photons[top]
     efficiency = result["emva.quantum_efficiency"].value
-    gain = result["emva.system_gain_dn_per_e"].value
-    floor = (result["emva.dark_noise_dn"].value / gain) ** 2
+    floor = (result["emva.dark_noise_dn"].value / result["emva.system_gain_dn_per_e"].value) ** 2
     highest = result.parameters.get("emva.saturation_photons")
     most = highest.value if highest else float(photons[seen].max())
     line = np.geomspace(max(photons[seen].min() / 10, 0.5), most, 200)
@@ -100,8 +99,7 @@ def linearity(result: Characterization) -> Figure:
     axes.plot(c["photons"], 100 * c["deviation"], ".-", color=_POINT, linewidth=0.8)
     axes.axhline(0, color=_LINE, linewidth=1)
     for name in ("min", "max"):
-        estimate = result.parameters.get(f"emva.linearity_error_{name}")
-        if estimate:
+        if estimate := result.parameters.get(f"emva.linearity_error_{name}"):
             axes.axhline(100 * estimate.value, color=_SOFT, linestyle="--", linewidth=0.9)
     return _finish(figure, axes, "photons per pixel (dashed: LE min, LE max)", "deviation (%)")
 
@@ -184,6 +182,5 @@ for _title, _shown, _draw in (
 ):
     for _what, _unit in (("DSNU", "e-"), ("PRNU", "%")):
         _key = _what.lower()
-        FIGURES.append(
-            (f"{_what} {_title}", _shown.format(_what), f"emva4_{_key}", (), partial(_draw, _key, _unit))
-        )
+        _drawn = partial(_draw, _key, _unit)
+        FIGURES.append((f"{_what} {_title}", _shown.format(_what), f"emva4_{_key}", (), _drawn))

@@ -15,12 +15,10 @@ def plot_error_steps(
     steps: Sequence[Mapping[str, Any]], before: float | None, floor: float | None
 ) -> "Figure":
     """Error against the steps that a diagnosis took, with 95 % intervals and the floor.
-
-    Args:
-        steps: each with `action`, `error` and perhaps `interval`, in the order taken; those without a known
-            error are left out.
-        before: the error of the camera as given; None leaves it out.
-        floor: as close as another set of the accepted camera would come.
+    `steps`: each with `action`, `error` and perhaps `interval`, in the order taken; those without a known
+    error are left out.
+    `before`: the error of the camera as given; None leaves it out.
+    `floor`: as close as another set of the accepted camera would come.
     """
     points: list[Mapping[str, Any]] = [step for step in steps if step["error"] is not None]
     if before is not None:

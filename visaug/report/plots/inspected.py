@@ -81,8 +81,7 @@ def _defects(finding: Finding) -> Figure:
     left.scatter(columns, rows, s=14, facecolors="none", edgecolors=MEASURED)
     height, width = finding.shown["where"].shape
     left.set(xlim=(0, width), ylim=(height, 0), xlabel="column", ylabel="row", aspect="equal")
-    top = max(finding.places, key=lambda place: abs(place[3]))
-    r, c = top[:2]
+    r, c = max(finding.places, key=lambda place: abs(place[3]))[:2]
     if "frames" in finding.shown:
         right.plot(finding.shown["frames"][:, r, c], "o-", color=MEASURED, markersize=3, linewidth=0.8)
         right.set(xlabel="frame", ylabel=f"pixel ({r}, {c}) / DN")
@@ -141,8 +140,7 @@ def _sharing(finding: Finding) -> Figure:
     lags = 6  # px, of an autocorrelation
     reach = lags + 0.5
     near = shared[r - lags : r + lags + 1, c - lags : c + lags + 1]
-    extent = (-reach, reach, reach, -reach)
-    drawn = right.imshow(near, cmap="RdBu_r", vmin=-0.6, vmax=0.6, extent=extent)
+    drawn = right.imshow(near, cmap="RdBu_r", vmin=-0.6, vmax=0.6, extent=(-reach, reach, reach, -reach))
     right.set(title="autocorrelation", xlabel="columns apart", ylabel="rows apart")
     for axes in (left, right):
         axes.grid(False)

@@ -1,14 +1,14 @@
-"""Training curves, predictions, and how long things took."""
+"""What training shows: curves, images, predictions, and how long things took."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from visaug.report.plots.images import image_grid
 from visaug.report.plots.style import MEASURED, MODELLED, SOFT, THIRD, blank, styled
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 ARM_COLOURS = (SOFT, MODELLED, MEASURED, THIRD, "#7c3aed", "#b45309", "#0f766e")
@@ -18,10 +18,8 @@ def plot_training(
     curves: Mapping[str, Sequence[Mapping[str, Sequence[float]]]], quantities: Mapping[str, str]
 ) -> "Figure":
     """Quantities against the epoch, one panel each, one colour for each arm and one line for each of its seeds.
-
-    Args:
-        curves: arm -> seeds -> quantity -> a value for each epoch, counted from 1.
-        quantities: quantity -> label of its axis.
+    `curves`: arm -> seeds -> quantity -> a value for each epoch, counted from 1.
+    `quantities`: quantity -> label of its axis.
     """
     with styled():
         figure = blank(8.0, 3.2)
@@ -35,6 +33,40 @@ def plot_training(
             axes.set(xlabel="epoch", ylabel=label)
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, ncols=4, loc="outside upper center")
+    return figure
+
+
+def plot_images(images: Sequence[np.ndarray], titles: Sequence[str]) -> "Figure":
+    """A grid of images of one size, (H, W) or (H, W, 3) in [0, 1], each with its title, four in a row."""
+    with styled():
+        figure, cells = image_grid(images, 4, 0.32)
+        for axes, image, title in zip(cells, images, titles):
+            axes.imshow(image, cmap="gray", vmin=0, vmax=1)
+            axes.set_title(title, fontsize=9)
+    return figure
+
+
+def image_grid(
+    images: Sequence[np.ndarray], columns: int, title: float, more: float = 0.0
+) -> "tuple[Figure, list[Axes]]":
+    """A figure and its axes for images of one size, with `title` inches above each, and `more` for the whole."""
+    rows = -(-len(images) // columns)
+    height, breadth = images[0].shape[:2]
+    figure = blank(8.0, rows * (8.0 / columns * height / breadth + title) + more)
+    cells = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    for axes in cells:
+        axes.set_axis_off()
+    return figure, cells
+
+
+def plot_components(images: Sequence[np.ndarray], titles: Sequence[str]) -> "Figure":
+    """Noise components in DN, each on its own scale of three standard deviations, which the title states; three in a row."""
+    with styled():
+        figure, cells = image_grid(images, 3, 0.48)
+        for axes, image, title in zip(cells, images, titles):
+            spread = float(np.std(image)) or 1.0
+            axes.imshow(image - np.mean(image), cmap="RdBu_r", vmin=-3 * spread, vmax=3 * spread)
+            axes.set_title(f"{title}\nσ = {np.std(image):.3g} DN", fontsize=8.5)
     return figure
 
 
@@ -81,7 +113,6 @@ def plot_predictions(
 
 
 def plot_timing(parts: Mapping[str, float]) -> "Figure":
-    """Seconds that each part took."""
     names = list(parts)[::-1]
     with styled():
         figure = blank(8.0, 0.7 + 0.3 * len(names))

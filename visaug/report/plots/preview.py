@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from visaug.augment.preview import LEVELS, NoiseSample, liveliest
-from visaug.core.extras import extra
-from visaug.report.plots.style import plain, styled
+from visaug.report.plots.style import blank, plain, styled
 
 if TYPE_CHECKING:
     import numpy as np
@@ -14,18 +13,11 @@ if TYPE_CHECKING:
 
 def plot_preview(title: str, given: "np.ndarray", samples: Sequence[NoiseSample]) -> "Figure":
     """Crops at 1:1, a part of each at 4x, and the noise's standard deviation at five levels.
-
-    Args:
-        title: of the sheet.
-        given: crop of the picture as it is, (H, W, 3) uint8.
-        samples: the same crop by camera.
-
+    `title`: of the sheet.
+    `given`: crop of the picture as it is, (H, W, 3) uint8.
+    `samples`: the same crop by camera.
     To be saved at the figure's own resolution (`figure.dpi`), so that a pixel of the picture is one of the sheet.
     """
-    with extra():
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-
     dpi = 100
     # pixels: title; between crops; above for name and conditions, below for the noise
     head_of_all, gap, head, foot = 52, 16, 40, 40
@@ -39,16 +31,14 @@ def plot_preview(title: str, given: "np.ndarray", samples: Sequence[NoiseSample]
     tile = head + height + gap // 2 + low + foot + gap
     wide, high = gap + columns * (cell + gap), head_of_all + rows * tile
     with styled():
-        figure = Figure(figsize=(wide / dpi, high / dpi), dpi=dpi)
-        FigureCanvasAgg(figure)
+        figure = blank(wide / dpi, high / dpi, "none", dpi=dpi)
 
         def write(x: int, y: int, text: str, size: float, family: str = "DejaVu Sans") -> None:
             figure.text(x / wide, 1 - y / high, text, fontsize=size, family=family)
 
         for line, text in enumerate(title.splitlines()):
             write(gap, 20 + 17 * line, plain(text), 9.5)
-        tiles = [NoiseSample("as given", given, ()), *samples]
-        for number, one in enumerate(tiles):
+        for number, one in enumerate([NoiseSample("as given", given, ()), *samples]):
             left = gap + number % columns * (cell + gap)
             top = head_of_all + number // columns * tile + head
             write(left, top - 22, plain(one.name), 9)

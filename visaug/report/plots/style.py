@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from visaug.core.extras import extra
 
@@ -54,12 +54,12 @@ def plain(text: str) -> str:
     return text.replace("$", r"\$")
 
 
-def blank(width: float = 8.0, height: float = 3.6) -> "Figure":
+def blank(width: float, height: float, layout: Any = "constrained", **options: Any) -> "Figure":
     """An empty figure (inches) that belongs to no window; axes find their place by themselves."""
     with extra():
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout=layout, **options)
     FigureCanvasAgg(figure)
     return figure

@@ -1,7 +1,7 @@
 """A view of the frames, measured and modelled in the same axes; and which part of the sensor a comparison looked at."""
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,22 +23,23 @@ def plot_view(
     measured: "ViewPlot", modelled: "ViewPlot | None" = None, focus: str = "", after: "ViewPlot | None" = None
 ) -> "Figure":
     """What a view shows of the measured frames and, if given, of the modelled ones, in the same axes.
-
-    Args:
-        measured, modelled: the same view of both frame sets.
-        after: the same of the corrected camera; `modelled` is then the camera as given.
-        focus: words of the statistic that differs most. Where curves have very different ranges each gets axes of its own, that of
-            these words first.
+    `measured`, `modelled`: the same view of both frame sets.
+    `after`: the same of the corrected camera; `modelled` is then the camera as given.
+    `focus`: words of the statistic that differs most. Where curves have very different ranges each gets axes of its own, that of
+    these words first.
     """
     if measured.maps:
         return _plot_maps(measured, modelled, after)
     panels = _panels(measured, focus)
     alone = len(panels) > 1 or len(measured.curves) == 1
+    given = modelled, MODELLED, "modelled" if after is None else GIVEN
+    # measured ones last, so that they lie on top
+    sets = [given, (after, THIRD, CORRECTED), (measured, MEASURED, "measured")]
     with styled():
         figure = blank(8.0 if len(panels) > 1 else 4.7, 3.5)
         grid = figure.subplots(1, len(panels), squeeze=False)[0]
         for axes, chosen in zip(grid, panels, strict=True):
-            _draw_panel(axes, measured, modelled, after, chosen, alone)
+            _draw_panel(axes, measured, sets, chosen, alone)
         grid[0].set_ylabel(textwrap.fill(measured.y_label, 28))
         _legend(figure, grid[0], len(measured.curves) if len(panels) == 1 else 1)
     return figure
@@ -57,25 +58,31 @@ def _panels(picture: "ViewPlot", focus: str) -> list[list[int]]:
 
 
 def _draw_panel(
-    axes: Any,
-    measured: "ViewPlot",
-    modelled: "ViewPlot | None",
-    after: "ViewPlot | None",
-    chosen: list[int],
-    alone: bool,
+    axes: Any, measured: "ViewPlot", sets: Sequence[tuple[Any, str, str]], chosen: list[int], alone: bool
 ) -> None:
+    few = 16  # curves of so few points get markers
     for low, high in measured.marks:
         if high > low:
             axes.axvspan(low, high, color=SOFT, alpha=0.16, linewidth=0)
         else:
             axes.axvline(low, color=SOFT, linestyle=":", linewidth=1.2)
-    for picture, colour, name in (
-        (modelled, MODELLED, "modelled" if after is None else GIVEN),
-        (after, THIRD, CORRECTED),
-        (measured, MEASURED, "measured"),  # last, so that it lies on top
-    ):
-        if picture is not None:
-            _draw_curves(axes, picture, colour, name, chosen, alone)
+    for picture, colour, name in (s for s in sets if s[0] is not None):
+        for i in (i for i in chosen if i < len(picture.curves)):
+            curve = picture.curves[i]
+            y = np.asarray(curve.y, float)
+            if picture.log_y:
+                y = np.where(y > 0, y, np.nan)
+            axes.plot(
+                curve.x,
+                y,
+                color=colour,
+                linestyle=_LINES[0 if alone else i % len(_LINES)],
+                marker=_MARKERS[0 if alone else i % len(_MARKERS)] if len(y) <= few else None,
+                markersize=4,
+                linewidth={"measured": 1.2, CORRECTED: 1.6}.get(name, 2.6),
+                alpha={"measured": 0.95, CORRECTED: 0.85}.get(name, 0.55),
+                label=f"{name}, {label_text(curve.label)}" if curve.label and not alone else name,
+            )
     if measured.log_x:
         positive = all(np.min(curve.x, initial=1.0) > 0 for curve in measured.curves)
         axes.set_xscale("log" if positive else "symlog")
@@ -122,30 +129,6 @@ def _who(labels: list[str]) -> list[str]:
     return list(dict.fromkeys(label.split(",")[0] for label in labels))
 
 
-def _draw_curves(
-    axes: Any, picture: "ViewPlot", colour: str, name: str, chosen: list[int], alone: bool
-) -> None:
-    few = 16  # curves of so few points get markers
-    for i in chosen:
-        if i >= len(picture.curves):
-            continue
-        curve = picture.curves[i]
-        y = np.asarray(curve.y, float)
-        if picture.log_y:
-            y = np.where(y > 0, y, np.nan)
-        axes.plot(
-            curve.x,
-            y,
-            color=colour,
-            linestyle=_LINES[0 if alone else i % len(_LINES)],
-            marker=_MARKERS[0 if alone else i % len(_MARKERS)] if len(y) <= few else None,
-            markersize=4,
-            linewidth={"measured": 1.2, CORRECTED: 1.6}.get(name, 2.6),
-            alpha={"measured": 0.95, CORRECTED: 0.85}.get(name, 0.55),
-            label=f"{name}, {label_text(curve.label)}" if curve.label and not alone else name,
-        )
-
-
 def _plot_maps(measured: "ViewPlot", modelled: "ViewPlot | None", after: "ViewPlot | None") -> "Figure":
     """Maps at one scale: measured, modelled and their difference; or measured, of the camera as given and of the corrected one."""
     shown = [("measured", [image for _, image in measured.maps])]
@@ -161,8 +144,7 @@ def _plot_maps(measured: "ViewPlot", modelled: "ViewPlot | None", after: "ViewPl
     height, breadth = measured.maps[0][1].shape
     with styled():
         figure = blank(cell * len(shown) + 0.4, rows * (cell * height / breadth + 0.4))
-        grid = figure.subplots(rows, len(shown), squeeze=False)
-        for row, line in enumerate(grid):
+        for row, line in enumerate(figure.subplots(rows, len(shown), squeeze=False)):
             images = [maps[row].ravel() for _, maps in shown[:2]]
             low, high = np.percentile(np.concatenate(images), [1, 99])
             half = (high - low) / 2 or 0.5
@@ -187,9 +169,7 @@ def _plot_maps(measured: "ViewPlot", modelled: "ViewPlot | None", after: "ViewPl
 
 def plot_used(used: Mapping[str, Any]) -> "Figure":
     """The sensor with the windows in which temporal statistics were measured.
-
-    Args:
-        used: as `compare --json` and `diagnose --json` hold it; windows are rows and columns r0, r1, c0, c1.
+    `used`: as `compare --json` and `diagnose --json` hold it; windows are rows and columns r0, r1, c0, c1.
     """
     with styled():
         figure = blank(4.7, 3.8)
