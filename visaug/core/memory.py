@@ -4,8 +4,6 @@ import contextlib
 import ctypes
 import sys
 
-TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # parameters of mallopt(3)
-
 
 def keep_freed() -> None:
     """Lets glibc keep freed memory instead of returning it to the system, for a process of visaug's own.
@@ -16,6 +14,7 @@ def keep_freed() -> None:
     if sys.platform == "linux":
         with contextlib.suppress(OSError, AttributeError):  # musl has no mallopt
             mallopt = ctypes.CDLL(None).mallopt
+            trim_threshold, mmap_threshold = -1, -3  # parameters of mallopt(3)
             # bytes of the largest block that is taken from the heap, and of the heap that stay unused at most
-            mallopt(MMAP_THRESHOLD, 32 * 2**20)
-            mallopt(TRIM_THRESHOLD, 128 * 2**20)
+            mallopt(mmap_threshold, 32 * 2**20)
+            mallopt(trim_threshold, 128 * 2**20)

@@ -37,7 +37,6 @@ Job = tuple[Camera, int]  # and the number of the simulation
 Part = MeasuredFrames | PicturePart
 Spread = Callable[["Work", Sequence[Job]], Iterable[tuple[np.ndarray, ...]]]
 MOST = 16  # workers: each needs some 100 MB of its own
-LARGE = 2**16  # bytes of a camera with measured maps
 _of_thread = threading.local()
 
 
@@ -205,7 +204,8 @@ def _with_parent(parent: int) -> None:
 def _in_process(uses: tuple[str, ...], camera: bytes, number: int) -> tuple[np.ndarray, ...]:
     assert _work is not None
     try:
-        made = _camera if len(camera) > LARGE else _small_camera
+        has_maps = len(camera) > 2**16  # bytes
+        made = _camera if has_maps else _small_camera
         return replace(_work, uses=uses)((made(camera), number))
     except Exception as error:
         raise with_user_line(error) from None
