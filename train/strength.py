@@ -28,14 +28,14 @@ LEVELS = {"black": 0.0, "20 %": 0.2, "50 %": 0.5, "white": 1.0}
 
 
 @dataclass(frozen=True)
-class Strength:
+class NoiseStrength:
     """Standard deviations by level: of all noise, and of its white part; NaN where nothing has that level."""
 
     total: Mapping[str, float]
     white: Mapping[str, float]
 
 
-def strength_of(noise: torch.nn.Module, shape: tuple[int, int] = (64, 64)) -> Strength:
+def strength_of(noise: torch.nn.Module, shape: tuple[int, int] = (64, 64)) -> NoiseStrength:
     """An arm's noise on flat images of `shape` (rows, columns): the root mean square over images of what each shows
     around its mean.
     """
@@ -47,10 +47,10 @@ def strength_of(noise: torch.nn.Module, shape: tuple[int, int] = (64, 64)) -> St
             noisy = noise(torch.full((images, 1, *shape), level))[:, 0].double().numpy() * 255
             total[name] = float(np.sqrt(noisy.var(axis=(1, 2)).mean()))
             white[name] = float(np.sqrt((_diagonals(noisy) ** 2).mean()))
-    return Strength(total, white)
+    return NoiseStrength(total, white)
 
 
-def carried(poses: PoseSet, size: tuple[int, int], how: str) -> Strength:
+def carried(poses: PoseSet, size: tuple[int, int], how: str) -> NoiseStrength:
     """The white noise of images as the network gets them, at each level."""
     most_images, least_blocks = 24, 20
     levels, blocks = [], []
@@ -71,7 +71,7 @@ def carried(poses: PoseSet, size: tuple[int, int], how: str) -> Strength:
     for name, (least, most) in bands.items():
         here = variance[(level >= least) & (level <= most)]
         found[name] = float(np.sqrt(np.median(here) / low)) if len(here) >= least_blocks else float("nan")
-    return Strength(found, found)
+    return NoiseStrength(found, found)
 
 
 def _diagonals(images: np.ndarray) -> np.ndarray:
@@ -84,15 +84,15 @@ def _diagonals(images: np.ndarray) -> np.ndarray:
 class Strengths:
     """Of a study: what its training images carry, what its test sets show, what its arms add."""
 
-    images: Strength
-    tests: Mapping[str, Strength]
-    arms: Mapping[str, Strength]
+    images: NoiseStrength
+    tests: Mapping[str, NoiseStrength]
+    arms: Mapping[str, NoiseStrength]
     baseline: str
     noisy: tuple[str, ...]
 
     def table(self) -> ResultTable:
 
-        def row(name: str, strength: Strength, both: bool = False) -> list[str]:
+        def row(name: str, strength: NoiseStrength, both: bool = False) -> list[str]:
             white = {level: f" (white {strength.white[level]:.2f})" if both else "" for level in LEVELS}
             known = {level: value for level, value in strength.total.items() if not np.isnan(value)}
             return [name, *(f"{known[n]:.2f}{white[n]}" if n in known else "none" for n in LEVELS)]
@@ -133,10 +133,10 @@ def strengths(study: "Study") -> Strengths:
     config = study.config
     arms = {name: config.arm(name) for name in config.arms}
 
-    def seen(poses: PoseSet) -> Strength:
+    def seen(poses: PoseSet) -> NoiseStrength:
         return carried(poses, config.seen_size(poses.camera), config.data.reduction)
 
-    def added(arm: Arm) -> Strength:
+    def added(arm: Arm) -> NoiseStrength:
         columns, rows = config.seen_size(study.training_images.camera)
         if not any(part and part.resolution == "sensor" for part in (arm.vis, arm.white)):
             rows, columns = min(rows, 96), min(columns, 96)  # of a noise that does not know the image's size

@@ -9,7 +9,7 @@ import torch
 from torch import nn
 
 from visaug_train.speed import read_poses
-from visaug_train.strength import Strength, Strengths, carried, strength_of
+from visaug_train.strength import NoiseStrength, Strengths, carried, strength_of
 
 
 class Known(nn.Module):
@@ -54,8 +54,8 @@ def test_noise_of_images_is_found_beside_gradients_rows_and_edges(tmp_path):
 
 def made(vis):
     flat = dict.fromkeys(("black", "20 %", "50 %", "white"), 0.0)
-    there = Strength(flat | {"black": 4.0, "20 %": 4.0, "50 %": 4.0, "white": float("nan")}, {})
-    arms = {"baseline": Strength(flat, flat), "vis": Strength(flat | vis, flat)}
+    there = NoiseStrength(flat | {"black": 4.0, "20 %": 4.0, "50 %": 4.0, "white": float("nan")}, {})
+    arms = {"baseline": NoiseStrength(flat, flat), "vis": NoiseStrength(flat | vis, flat)}
     return Strengths(there, {"lightbox": there}, arms, "baseline", ("vis",))
 
 

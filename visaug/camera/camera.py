@@ -285,7 +285,7 @@ class Camera:
         watch: Any = None,
         resolution: tuple[int, int] | None = None,
         mosaic: Callable[[Tensor], Tensor] | None = None,
-        shared: chain.Shared | None = None,
+        shared: chain.SharedSignals | None = None,
     ) -> Tensor:
         """Simulates frames in DN with the exact, differentiable chain, up to the converter.
 

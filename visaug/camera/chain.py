@@ -44,7 +44,7 @@ class Conditions(NamedTuple):
     context: Context
 
 
-class Shared(NamedTuple):
+class SharedSignals(NamedTuple):
     """Signals that exposures of several cameras have in common, up to where these differ.
 
     Attributes:
@@ -59,7 +59,7 @@ class Shared(NamedTuple):
 
     def applied(
         self, run: list[Effect], signal: Tensor, apply: Callable[[Tensor], Tensor]
-    ) -> tuple[Tensor, "Shared"]:
+    ) -> tuple[Tensor, "SharedSignals"]:
         """The signal after a run of effects, and under which name the next run finds it: its old one where nothing changed."""
         name = (self.name, *((type(effect), self.effects.get(effect.name, "")) for effect in run))
 
@@ -77,7 +77,7 @@ def expose(
     under: Conditions,
     watch: Callable[[Effect, Tensor], None] | None = None,
     mosaic: Callable[[Tensor], Tensor] | None = None,
-    shared: Shared | None = None,
+    shared: SharedSignals | None = None,
 ) -> Tensor:
     """DN of one exposure for each image.
 

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from visaug.camera import Camera
-from visaug.camera.chain import Shared
+from visaug.camera.chain import SharedSignals
 from visaug.camera.history import DEEPEST, SMALL, Reach, is_of_whole_frame
 from visaug.core.errors import InputError
 from visaug.core.recurrent import Recurrent
@@ -162,7 +162,11 @@ def exposures(
         shown = window
         shape = (window[1] - window[0], window[3] - window[2])
         photons = torch.stack([_photons(plan, i, shape) for i in positions])
-        alike = None if shared is None else Shared(shared, (camera.base, window, *positions), camera.further)
+        alike = (
+            None
+            if shared is None
+            else SharedSignals(shared, (camera.base, window, *positions), camera.further)
+        )
         block = _exposed(camera, plan, positions, photons, seed, window, memory, maps, alike)
         got = [k for k, i in enumerate(positions) if i in wanted]
         if got:
@@ -178,7 +182,7 @@ def _exposed(
     window: Window,
     memory: dict[str, Tensor],
     maps: dict[tuple, Tensor] | None = None,
-    shared: Shared | None = None,
+    shared: SharedSignals | None = None,
 ) -> Tensor:
     """Frames of the plan under its conditions; `memory` and `maps`, the camera's own random numbers (see `Stream`), are carried
     from batch to batch.
