@@ -203,13 +203,13 @@ def median_of_sizes(values):
     last = first
     while bits.size % 2 == 0 and rank + 1 >= counts[first] and (last == first or counts[last] == 0):
         last += 1
-    near = np.empty(counts[first : last + 1].sum(), np.uint32)
+    near = np.empty(counts[first : last + 1].sum() + 1, np.uint32)
     n = 0
-    for k in range(bits.size):
+    for k in range(bits.size):  # without a branch, which half of the numbers would take
         digit = bits[k] >> np.uint32(_LOW_BITS)
-        if first <= digit <= last:
-            near[n] = bits[k]
-            n += 1
+        near[n] = bits[k]
+        n += np.int64(digit >= first) & np.int64(digit <= last)
+    near = near[:n]
     near.sort()
     ordered = near.view(np.float32)
     return (np.float64(ordered[rank]) + np.float64(ordered[rank + 1 - bits.size % 2])) / 2
