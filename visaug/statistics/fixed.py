@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numba import njit
 
-from visaug.statistics.kernels import EXACT, apart, median_of_sizes, without_apart
+from visaug.statistics.kernels import EXACT
 
 
 @njit(**EXACT)
@@ -26,21 +26,6 @@ def centre(image):
     for r in range(height):
         for c in range(width):
             image[r, c] -= mean
-
-
-@njit(**EXACT)
-def without_lone(image, step, alone, mad, least, calm):
-    """An image (H, W) float32 without pixels that stand alone.
-
-    Args:
-        step: between pixels that tell how far pixels are from the middle of their neighbours.
-        alone: robust standard deviations of that distance from which a pixel stands alone.
-        mad, least: standard deviation over median, and the smallest standard deviation.
-        calm: (H, W) float32, is filled.
-    """
-    far = np.empty((image.size + step - 1) // step, np.float32)
-    apart(image, step, far)
-    without_apart(image, alone * max(mad * median_of_sizes(far), least), calm)
 
 
 @njit(**EXACT)

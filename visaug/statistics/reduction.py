@@ -12,7 +12,7 @@ from visaug.core.recurrent import Recurrent
 from visaug.frames import FrameRecord, FrameSet, Group
 from visaug.statistics import kernels
 from visaug.statistics.conditions import MAX_GROUPS, by_condition, choose, labels
-from visaug.statistics.fixed import block_offsets, centre, profile_numbers, without_lone
+from visaug.statistics.fixed import block_offsets, centre, profile_numbers
 from visaug.statistics.stack import (
     LEAST_SCALE,
     LEAST_VARIANCE,
@@ -341,10 +341,13 @@ def _centred(image: np.ndarray) -> np.ndarray:
 
 def without_lone_pixels(image: np.ndarray) -> np.ndarray:
     """An image (H, W) in which a pixel far from all its neighbours has the mean of the middle two of the four."""
-    calm = np.empty_like(image)
     alone = 8.0  # robust standard deviations from its neighbours from which a pixel is one by itself
     told_by = 100_000  # pixels of a large frame that tell that scale, to half a percent
-    without_lone(image, max(4, image.size // told_by), alone, MAD, LEAST_SCALE, calm)
+    step = max(4, image.size // told_by)
+    far, calm = np.empty((image.size + step - 1) // step, np.float32), np.empty_like(image)
+    kernels.apart(image, step, far)
+    scale = max(MAD * kernels.median_of_sizes(far), LEAST_SCALE)
+    kernels.without_apart(image, alone * scale, calm)
     return calm
 
 
