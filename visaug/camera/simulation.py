@@ -262,12 +262,12 @@ def window_of(camera: Camera, record: FrameRecord) -> Window:
 def _photons(plan: FrameSet, i: int, shape: tuple[int, int]) -> Tensor:
     record = plan.records[i]
     if record.kind in ("bias", "dark"):
-        return torch.zeros(1, *shape)
+        return torch.zeros(1, 1, 1).expand(1, *shape)
     if record.kind == "flat":
         if record.photons is None:
             problem = "a flat cannot be simulated without photons"
             raise InputError(problem, file=record.file, field="photons", expected="mean photons per pixel")
-        return torch.full((1, *shape), float(record.photons))
+        return torch.full((1, 1, 1), float(record.photons)).expand(1, *shape)
     if record.kind == "scene":
         clean = torch.from_numpy(np.ascontiguousarray(plan.clean(i), np.float32))
         if tuple(clean.shape) != shape:
