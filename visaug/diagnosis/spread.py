@@ -108,6 +108,7 @@ class Forked:
         self._pool: ProcessPoolExecutor | None = None
         self._effects: dict = {}
         self._threads: Spread | None = None
+        weakref.finalize(self, vars(_of_thread).clear)  # of the sets that this thread simulated itself
 
     def __call__(self, work: Work, jobs: Sequence[Job]) -> Iterator[tuple[np.ndarray, ...]]:
         done = 0
