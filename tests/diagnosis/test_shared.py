@@ -14,6 +14,7 @@ from visaug.core.errors import InputError
 from visaug.core.recurrent import Recurrent
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.part import NOTHING, Shared
+from visaug.diagnosis.ray_executor import _several
 from visaug.diagnosis.spread import Forked, Work, _of_thread
 from visaug.effects import Effect, Parameter, Stage, catalogue, registered
 from visaug.statistics.split import CONFIRM, FIND, WHOLE
@@ -192,3 +193,9 @@ def test_nothing_is_kept_once_the_simulations_are_done():
     del forked, parts
     gc.collect()
     assert part() is None
+
+
+def test_a_task_of_a_cluster_leaves_nothing_behind():
+    parts = Laboratory(frame_set(1), stated_camera()).parts_to_simulate
+    assert len(_several((Work(parts, 0, (FIND,)), []), [(stated_camera(), 0)])) == 1
+    assert not vars(_of_thread)
