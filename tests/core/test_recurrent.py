@@ -32,17 +32,30 @@ def test_what_follows_from_kept_results_is_kept_and_nothing_else():
     one, two = (known.get("a", lambda: ["a"], 1) for _ in range(2))
     assert one is not two
     assert known.get("a", list, 1) is two
-    first = known.derived("sum", lambda: [0], two, None)
-    assert known.derived("sum", lambda: [1], two, None) is first
-    assert known.derived("sum", lambda: [1], two) == [1]  # of other sources
-    assert known.derived("more", lambda: [2], first) is known.derived("more", lambda: [3], first)
-    assert known.derived("sum", lambda: [4], one) == [4]
-    assert known.derived("sum", lambda: [5], one) == [5]
+    first = known.derived("sum", lambda: [0], 1, two, None)
+    assert known.derived("sum", lambda: [1], 1, two, None) is first
+    assert known.derived("sum", lambda: [1], 1, two) == [1]  # of other sources
+    assert known.derived("more", lambda: [2], 1, first) is known.derived("more", lambda: [3], 1, first)
+    assert known.derived("sum", lambda: [4], 1, one) == [4]
+    assert known.derived("sum", lambda: [5], 1, one) == [5]
 
 
 def test_what_follows_goes_with_its_sources():
     known = Recurrent(1)
     source = [known.get("a", lambda: ["a"], 1) for _ in range(2)][1]
-    known.derived("sum", lambda: [0], source)
+    known.derived("sum", lambda: [0], 1, source)
     counted(known, "bb")
-    assert known.derived("sum", lambda: [1], source) == [1]
+    assert known.derived("sum", lambda: [1], 1, source) == [1]
+
+
+def test_what_follows_has_a_limit_of_its_own():
+    known = Recurrent(2)
+    source = [known.get("a", lambda: ["a"], 2) for _ in range(2)][1]
+    first, second = (known.derived(name, lambda: [0], 1, source) for name in "bc")
+    assert known.derived("b", lambda: [1], 1, source) is first
+    of_first = known.derived("d", lambda: [2], 1, first)  # has no room, and makes some
+    assert known.derived("d", lambda: [3], 1, first) == [3] != of_first
+    assert known.derived("c", lambda: [4], 1, source) is not second
+    assert known.derived("c", lambda: [5], 1, source) == [4]
+    assert known.get("a", list, 2) is source
+    assert known.derived("e", lambda: [6], 3, source) is not known.derived("e", lambda: [6], 3, source)

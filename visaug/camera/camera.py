@@ -323,6 +323,11 @@ class Camera:
         return {entry["name"]: repr(entry) for entry in self.spec.effects}
 
     @property
+    def has_own_effects(self) -> bool:
+        """Whether any effect is of a user's own."""
+        return any(map(chain.is_own, self.effects))
+
+    @property
     def finishes(self) -> bool:
         """Whether any effect acts on the developed picture."""
         return self._finishes

@@ -28,6 +28,11 @@ def ordered(effects: list[Effect], reading: str) -> list[Effect]:
     return sorted(effects, key=place)
 
 
+def is_own(effect: Effect) -> bool:
+    """Whether an effect is of a user's own: what it returns may depend on more than its parameters and the signal."""
+    return not type(effect).__module__.startswith("visaug.")
+
+
 class Conditions(NamedTuple):
     """What an exposure is made under.
 
@@ -86,7 +91,8 @@ def expose(
         photons: (B, C, H, W) float32, mean photons per pixel behind an ideal lens.
         watch: called with each effect and the signal after it.
         mosaic: the colour filters, where there are any: they let one of three planes through to each pixel, after the optics.
-        shared: where other cameras expose the same photons with the same random numbers; for cameras without memory.
+        shared: where other cameras expose the same photons with the same random numbers; for cameras without memory. From
+            the first effect of a user's own on nothing is shared.
 
     Returns:
         (B, C, H, W) float32, DN; of stage PICTURE nothing is applied.
@@ -101,6 +107,8 @@ def expose(
     for run in runs:
         if mosaic is not None and run[0].stage != Stage.OPTICS:
             signal, mosaic = mosaic(signal), None
+        if shared is not None and any(map(is_own, run)):
+            shared, signal = None, signal.clone()  # which an effect may change, though it should not
         if shared is None:
             signal = _run(run, signal, under)
         else:

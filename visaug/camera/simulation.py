@@ -68,7 +68,7 @@ def simulate(
     cleans = {
         r.clean: plan.clean(i) for i, r in zip(places, records, strict=True) if r.kind == "scene" and r.clean
     }
-    return FrameSet.simulated(records, frames, cleans, camera.bit_depth)
+    return FrameSet.simulated(records, frames, cleans, camera.bit_depth, not camera.has_own_effects)
 
 
 def with_chart(camera: Camera, plan: FrameSet) -> FrameSet:

@@ -136,14 +136,18 @@ class MeasuredFrames:
         frames = [np.zeros((1, 1), np.uint16)] * len(self.frames)
         for k, frame in zip(wanted, self._pixels(camera, seed, wanted, signals), strict=True):
             frames[k] = frame
-        return FrameSet.simulated(self.frames.records, frames, self._cleans(every), camera.bit_depth)
+        in_range = not camera.has_own_effects
+        return FrameSet.simulated(
+            self.frames.records, frames, self._cleans(every), camera.bit_depth, in_range
+        )
 
     def take(self, camera: Camera, seed: int, only: Iterable[int] | None = None) -> FrameSet:
         """The frames, or those of them at some positions in rising order, as a camera would take them."""
         wanted = list(range(len(self.frames)) if only is None else only)
         records = [self.frames.records[k] for k in wanted]
         frames = self._pixels(camera, seed, wanted)
-        return FrameSet.simulated(records, frames, self._cleans(wanted), camera.bit_depth)
+        in_range = not camera.has_own_effects
+        return FrameSet.simulated(records, frames, self._cleans(wanted), camera.bit_depth, in_range)
 
     def _pixels(
         self, camera: Camera, seed: int, wanted: Sequence[int], signals: Recurrent | None = None

@@ -7,6 +7,7 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.diagnosis.laboratory import Job, Work
+from visaug.diagnosis.spread import forget
 from visaug.effects import Effect, catalogue, register
 
 AT_ONCE = 4  # sets in one task: a set takes tenths of a second, a task some milliseconds to place
@@ -42,4 +43,7 @@ def _several(
     for effect in own:
         if effect.name not in catalogue():
             register(effect)
-    return [work(job) for job in jobs]
+    try:
+        return [work(job) for job in jobs]
+    finally:
+        forget()  # the next task has a copy of the plan of its own

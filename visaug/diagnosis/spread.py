@@ -63,6 +63,11 @@ class Work:
         return last[2]
 
 
+def forget() -> None:
+    """Drops what sets that this thread simulated last have in common."""
+    vars(_of_thread).clear()
+
+
 def on_this_machine() -> Spread:
     """By processes where they can be forked, else by threads, which hold one another up."""
     is_child = multiprocessing.current_process().daemon  # of a DataLoader, for instance
@@ -108,6 +113,7 @@ class Forked:
         self._pool: ProcessPoolExecutor | None = None
         self._effects: dict = {}
         self._threads: Spread | None = None
+        weakref.finalize(self, forget)  # of the sets that this process simulated itself
 
     def __call__(self, work: Work, jobs: Sequence[Job]) -> Iterator[tuple[np.ndarray, ...]]:
         done = 0

@@ -159,9 +159,14 @@ class FrameSet:
         frames: Sequence[np.ndarray],
         cleans: dict[str, np.ndarray],
         bit_depth: int,
+        in_range: bool,
     ) -> "FrameSet":
-        """The same of frames from a simulated converter, (H, W) uint16, whose values need no check."""
-        return cls(records, MemoryStore(records, frames, cleans, bit_depth, checked=True))
+        """The same of simulated frames, (H, W) uint16.
+
+        Args:
+            in_range: the converter came last, so that values need no check; an effect of a user's own may follow it.
+        """
+        return cls(records, MemoryStore(records, frames, cleans, bit_depth, checked=in_range))
 
     def __len__(self) -> int:
         return len(self.records)

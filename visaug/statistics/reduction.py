@@ -212,7 +212,8 @@ class Stacks:
             parts = self._parts(key)
             place = {i: k for k, i in enumerate(i for part in parts for i in part)}
             stacks, order = [self._known[part] for part in parts], [place[i] for i in key]
-            self._noise[key] = self._shared.derived(key, lambda: Noise(stacks, order), *stacks)
+            noise, size = partial(Noise, stacks, order), _images(3, stacks[0].shape)
+            self._noise[key] = self._shared.derived(key, noise, size, *stacks)
         return self._noise[key]
 
     def group(self, group: Group, reference: GroupData | None, label: str) -> GroupData:
@@ -221,7 +222,7 @@ class Stacks:
         if reference is not None and reference.mean.shape != noise.shape:
             reference = None
         data = partial(GroupData, group, noise, reference, label)
-        return self._shared.derived((group, label), data, noise, reference)
+        return self._shared.derived((group, label), data, _images(3, noise.shape), noise, reference)
 
     def frame(self, i: int) -> np.ndarray:
         """One frame, (H, W)."""
@@ -241,9 +242,14 @@ class Stacks:
     def _stack(self, key: tuple[int, ...]) -> Stack:
         frames = self._frames.stack(key)
         some = hash(frames[:, ::16].tobytes())  # a part tells nearly always whether frames are others
-        with_what_follows = 4 * frames.nbytes  # from their sums
-        stack = self._shared.get((key, frames.shape, some), partial(Stack, frames), with_what_follows)
+        with_sums = frames.nbytes + _images(2, frames.shape)
+        stack = self._shared.get((key, frames.shape, some), partial(Stack, frames), with_sums)
         return stack if np.array_equal(stack.frames, frames) else Stack(frames)
+
+
+def _images(count: int, shape: Sequence[int]) -> int:
+    """Bytes of so many float32 images of the size of a frame."""
+    return 4 * count * shape[-2] * shape[-1]
 
 
 class FrameData:
