@@ -160,7 +160,14 @@ class FrameSet:
         cleans: dict[str, np.ndarray],
         bit_depth: int,
     ) -> "FrameSet":
-        """The same of frames from a simulated converter, (H, W) uint16, whose values need no check."""
+        """Makes a frame set of frames from a simulated converter, (H, W) uint16, whose values are not checked.
+
+        Args:
+            records: one record per frame.
+            frames: n arrays (H, W), in DN.
+            cleans: noiseless targets of scenes in photons per pixel, by the name in ``record.clean``.
+            bit_depth: bits of the converter, 1 to 16.
+        """
         return cls(records, MemoryStore(records, frames, cleans, bit_depth, checked=True))
 
     def __len__(self) -> int:
