@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
@@ -487,3 +488,19 @@ def test_severity_needs_the_network(program_run):
     status, _, err = program_run("evaluate", "config.yaml", "--curve", "gain_db")
     assert status == 2
     assert "--curve" in err
+
+
+def test_severity_is_told_after_the_bar(program_run, monkeypatch):
+    """On a terminal a bar that is still there is drawn over what is said meanwhile."""
+    events = []
+
+    @contextmanager
+    def bars(*_, **__):
+        yield lambda *_: None
+        events.append("bar ends")
+
+    monkeypatch.setattr("visaug.app.cli.learn.progress_bars", bars)
+    monkeypatch.setattr("visaug_train.commands.severity_curves", lambda *_: "curves: severity.csv")
+    monkeypatch.setattr("click.echo", lambda text, **_: events.append(text))
+    program_run("evaluate", "config.yaml", "--arm", "vis", "--severity", "camera.yaml")
+    assert events == ["bar ends", "curves: severity.csv"]

@@ -17,6 +17,7 @@ from visaug.core.errors import InputError
 from visaug.core.recurrent import Recurrent
 from visaug.core.sampling import Stream, as_seed, derive_key
 from visaug.frames import FrameRecord, FrameSet
+from visaug.frames.frameset import simulated_set
 from visaug.frames.record import Window
 
 BATCH_PIXELS = 600_000  # about what stays in a processor's cache while a batch goes through the chain
@@ -68,7 +69,7 @@ def simulate(
     cleans = {
         r.clean: plan.clean(i) for i, r in zip(places, records, strict=True) if r.kind == "scene" and r.clean
     }
-    return FrameSet.simulated(records, frames, cleans, camera.bit_depth, not camera.has_own_effects)
+    return simulated_set(records, frames, cleans, camera.bit_depth, not camera.has_own_effects)
 
 
 def with_chart(camera: Camera, plan: FrameSet) -> FrameSet:

@@ -22,9 +22,8 @@ class Recurrent:
         self._most = self._left = self._left_derived = most
         self._asked: set[Hashable] = set()
         self._kept: OrderedDict[Hashable, tuple[Any, int]] = OrderedDict()
-        self._derived: dict[
-            Hashable, tuple[Any, tuple]
-        ] = {}  # with the sources, so that their identities stay theirs
+        # with the sources, so that their identities stay theirs
+        self._derived: dict[Hashable, tuple[Any, tuple]] = {}
         self._known: set[int] = set()  # identities of all that is kept
 
     def get(self, name: Hashable, make: Callable[[], Any], size: int) -> Any:

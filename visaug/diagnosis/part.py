@@ -15,6 +15,7 @@ from visaug.camera.simulation import exposures, has_clean
 from visaug.core.errors import InputError
 from visaug.core.recurrent import Recurrent
 from visaug.frames import FrameRecord, FrameSet
+from visaug.frames.frameset import simulated_set
 from visaug.statistics import (
     IN_A_WINDOW,
     OF_FULL_FRAMES,
@@ -137,9 +138,7 @@ class MeasuredFrames:
         for k, frame in zip(wanted, self._pixels(camera, seed, wanted, signals), strict=True):
             frames[k] = frame
         in_range = not camera.has_own_effects
-        return FrameSet.simulated(
-            self.frames.records, frames, self._cleans(every), camera.bit_depth, in_range
-        )
+        return simulated_set(self.frames.records, frames, self._cleans(every), camera.bit_depth, in_range)
 
     def take(self, camera: Camera, seed: int, only: Iterable[int] | None = None) -> FrameSet:
         """The frames, or those of them at some positions in rising order, as a camera would take them."""
@@ -147,7 +146,7 @@ class MeasuredFrames:
         records = [self.frames.records[k] for k in wanted]
         frames = self._pixels(camera, seed, wanted)
         in_range = not camera.has_own_effects
-        return FrameSet.simulated(records, frames, self._cleans(wanted), camera.bit_depth, in_range)
+        return simulated_set(records, frames, self._cleans(wanted), camera.bit_depth, in_range)
 
     def _pixels(
         self, camera: Camera, seed: int, wanted: Sequence[int], signals: Recurrent | None = None

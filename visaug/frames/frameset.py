@@ -152,22 +152,6 @@ class FrameSet:
         bit_depth = bit_depth or _common_depth(records)
         return cls(records, MemoryStore(records, frames, dict(cleans or {}), bit_depth))
 
-    @classmethod
-    def simulated(
-        cls,
-        records: Sequence[FrameRecord],
-        frames: Sequence[np.ndarray],
-        cleans: dict[str, np.ndarray],
-        bit_depth: int,
-        in_range: bool,
-    ) -> "FrameSet":
-        """The same of simulated frames, (H, W) uint16.
-
-        Args:
-            in_range: the converter came last, so that values need no check; an effect of a user's own may follow it.
-        """
-        return cls(records, MemoryStore(records, frames, cleans, bit_depth, checked=in_range))
-
     def __len__(self) -> int:
         return len(self.records)
 
@@ -309,3 +293,18 @@ def _pair(resolution: Sequence[int] | None) -> tuple[int, int] | None:
         expected = "rows and columns, as (1024, 1280)"
         raise InputError(f"{resolution!r} is not a size", field="resolution", expected=expected)
     return rows, columns
+
+
+def simulated_set(
+    records: Sequence[FrameRecord],
+    frames: Sequence[np.ndarray],
+    cleans: dict[str, np.ndarray],
+    bit_depth: int,
+    in_range: bool,
+) -> FrameSet:
+    """A frame set of simulated frames, (H, W) uint16, as `FrameSet.from_arrays` makes it.
+
+    Args:
+        in_range: the converter came last, so that values need no check; an effect of a user's own may follow it.
+    """
+    return FrameSet(records, MemoryStore(records, frames, cleans, bit_depth, checked=in_range))

@@ -185,14 +185,16 @@ def evaluate(
 
         if config_path is not None and severity_camera is not None:
             folder, how = output or Path("severity"), ([*curves], seed, progress, arm, elsewhere)
-            click.echo(commands.severity_curves(config_path, severity_camera, folder, *how))
-            return
-        if config_path is not None:
-            scores = commands.evaluate(config_path, seed, progress, arm, elsewhere, poses_csv)
+            said, scores = commands.severity_curves(config_path, severity_camera, folder, *how), {}
+        elif config_path is not None:
+            said, scores = "", commands.evaluate(config_path, seed, progress, arm, elsewhere, poses_csv)
         else:
             assert predictions is not None and data is not None and domain is not None  # noqa: PT018 - see above
             how = keypoints, split, images, poses_csv, seed
-            scores = commands.evaluate_predictions(predictions, data, domain, *how)
+            said, scores = "", commands.evaluate_predictions(predictions, data, domain, *how)
+    if said:  # after the progress bar, which would be drawn over it
+        click.echo(said)
+        return
     for name, each in scores.items():
         for note in each.get("notes", ()):
             click.echo(f"note: {name}: {note}.", err=True)

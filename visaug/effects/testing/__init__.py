@@ -19,7 +19,11 @@ __all__ = ["LAWS", "Law", "LawBroken", "broken_laws", "check_effect"]
 
 
 def broken_laws(effect: type[Effect]) -> dict[str, str]:
-    """Which laws an effect breaks: name of the law, and what differs."""
+    """Which laws an effect breaks: name of the law, and what differs.
+
+    Raises:
+        InputError: the definition is incomplete, or `apply` fails on a small frame.
+    """
     check_definition(effect)
     try_effect(effect)
     broken = {}
