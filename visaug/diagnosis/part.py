@@ -48,7 +48,7 @@ class Shared(NamedTuple):
 
     @classmethod
     def empty(cls) -> Shared:
-        most = 64 * 2**20  # bytes of each
+        most = 32 * 2**20  # bytes of each
         return cls(Recurrent(most), Recurrent(most))
 
 

@@ -36,7 +36,7 @@ from visaug.pictures.part import PicturePart
 Job = tuple[Camera, int]  # and the number of the simulation
 Part = MeasuredFrames | PicturePart
 Spread = Callable[["Work", Sequence[Job]], Iterable[tuple[np.ndarray, ...]]]
-MOST = 16  # workers: each needs 100 to 300 MB of its own
+MOST = 16  # workers: each needs 100 to 200 MB of its own
 _of_thread = threading.local()
 
 
