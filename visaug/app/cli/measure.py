@@ -86,7 +86,7 @@ def characterize(
     if maps_path:
         for file in (*MAPS, *(CAMERA_MAPS if use_maps else ())):
             cli.may_write(maps_path / file, force)
-    camera = cli.load_camera(camera_name) if camera_name else None
+    camera = None if camera_name is None else cli.load_camera(camera_name)
     frames = cli.load_frames(frames_path, camera.resolution if camera else None, bit_depth, quiet)
     for option, given in (("--method", method == "paper"), ("--maps", maps_path), ("--sheet", sheets)):
         if given and frames.is_pictures:
@@ -176,7 +176,7 @@ def compare(
     if target is None and report_path:
         for file in possible_pictures(report_path):
             cli.may_replace(file, force)
-    camera = cli.load_camera(camera_name) if camera_name else None
+    camera = None if camera_name is None else cli.load_camera(camera_name)
     silent = cli.is_silent(quiet, json_path)
     pictures: dict[str, Path] = {}
     if target is not None:

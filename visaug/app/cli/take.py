@@ -102,7 +102,7 @@ def plan(
         if output is None:
             return
     options: dict[str, Any] = {}
-    if camera_name:
+    if camera_name is not None:
         from visaug.camera.simulation import plan_for
 
         options = plan_for(cli.load_camera(camera_name))
