@@ -28,9 +28,9 @@ def ordered(effects: list[Effect], reading: str) -> list[Effect]:
     return sorted(effects, key=place)
 
 
-def is_own(effect: Effect) -> bool:
-    """Whether an effect is of a user's own: what it returns may depend on more than its parameters and the signal."""
-    return not type(effect).__module__.startswith("visaug.")
+def is_own(effect: Effect | type[Effect]) -> bool:
+    """Whether a user defined an effect: its output may depend on more than its parameters and the signal."""
+    return not effect.__module__.startswith("visaug.")
 
 
 class Conditions(NamedTuple):

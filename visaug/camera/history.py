@@ -61,6 +61,7 @@ class Reach:
         return sorted({i for k in keep for i in range(max(0, k - depth), k + 1)})
 
 
+NOTHING = Reach(False, 0)  # of a camera without memory
 _found: WeakKeyDictionary[Camera, Reach] = WeakKeyDictionary()
 
 

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from visaug.camera import Camera
 from visaug.camera.chain import SharedSignals
-from visaug.camera.history import DEEPEST, SMALL, Reach, is_of_whole_frame
+from visaug.camera.history import DEEPEST, NOTHING, SMALL, Reach, is_of_whole_frame
 from visaug.core.errors import InputError
 from visaug.core.recurrent import Recurrent
 from visaug.core.sampling import Stream, as_seed, derive_key
@@ -147,8 +147,8 @@ def exposures(
             start from the same electrons. Cameras with memory make their own.
     """
     wanted = set(range(len(plan)) if keep is None else keep)
-    reach = Reach.of(camera) if len(wanted) < len(plan) or shared is not None else Reach(False, 0)
-    if reach != Reach(False, 0):
+    reach = Reach.of(camera) if len(wanted) < len(plan) or shared is not None else NOTHING
+    if reach != NOTHING:
         shared = None
     memory: dict[str, Tensor] = {}
     maps: dict[tuple, Tensor] = {}
@@ -163,11 +163,9 @@ def exposures(
         shown = window
         shape = (window[1] - window[0], window[3] - window[2])
         photons = torch.stack([_photons(plan, i, shape) for i in positions])
-        alike = (
-            None
-            if shared is None
-            else SharedSignals(shared, (camera.base, window, *positions), camera.further)
-        )
+        alike = None
+        if shared is not None:
+            alike = SharedSignals(shared, (camera.base, window, *positions), camera.further)
         block = _exposed(camera, plan, positions, photons, seed, window, memory, maps, alike)
         got = [k for k, i in enumerate(positions) if i in wanted]
         if got:

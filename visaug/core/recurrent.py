@@ -1,4 +1,4 @@
-"""Results that are asked for again and again, kept within a limit of memory."""
+"""A cache of results, bounded in memory."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable

@@ -159,9 +159,8 @@ class Laboratory:
         names = [self._names.of(camera, number, uses) for camera, number in cameras]
         found = store.load(names)
         todo = {name: job for name, job in zip(names, cameras, strict=True) if name not in found}
-        todo = dict(
-            sorted(todo.items(), key=lambda entry: entry[1][1])
-        )  # those of one number have much in common
+        # sets with the same number share random numbers and follow one another
+        todo = dict(sorted(todo.items(), key=lambda entry: entry[1][1]))
         work = Work(self.parts_to_simulate, self.seed, tuple(uses))
         new: dict[str, tuple[np.ndarray, ...]] = {}
         known = len(names) - len(todo)

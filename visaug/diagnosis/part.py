@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.camera.history import DEEPEST, Reach
+from visaug.camera.history import DEEPEST, NOTHING, Reach
 from visaug.camera.simulation import exposures, has_clean
 from visaug.core.errors import InputError
 from visaug.core.recurrent import Recurrent
@@ -30,7 +30,6 @@ from visaug.statistics.split import CONFIRM, FIND, WHOLE, Folds, share_out
 from visaug.statistics.subsample import MARGIN, Selection, Window
 
 Report = Callable[[str, int, int], None]
-NOTHING = Reach(False, 0)  # what a camera without memory remembers
 FULL_DEEPEST = 3  # full frames that are simulated before one that is used, at most: each costs as much as it
 
 

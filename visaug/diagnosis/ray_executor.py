@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from visaug.camera import Camera
+from visaug.camera.chain import is_own
 from visaug.diagnosis.laboratory import Job, Work
 from visaug.diagnosis.spread import forget
 from visaug.effects import Effect, catalogue, register
@@ -24,7 +25,7 @@ def by_ray(ray: Any) -> Callable[[Work, Sequence[Job]], Iterator[tuple[np.ndarra
     task = ray.remote(_several)
 
     def spread(work: Work, jobs: Sequence[Job]) -> Iterator[tuple[np.ndarray, ...]]:
-        own = [effect for effect in catalogue().values() if not effect.__module__.startswith("visaug.")]
+        own = [effect for effect in catalogue().values() if is_own(effect)]
         shared = ray.put((work, own))
         cut = [list(jobs[i : i + AT_ONCE]) for i in range(0, len(jobs), AT_ONCE)]
         for waiting in [task.remote(shared, part) for part in cut]:

@@ -36,8 +36,10 @@ def unit_of(comment: str) -> float | None:
 
 
 def seconds(value: object, comment: str = "", unit: str = "") -> float:
-    """Seconds of a header's value, a number or a text as ``500 ms`` or ``1/100``, by the unit in its comment or of the keyword
-    TIMEUNIT; ValueError where it is no number.
+    """Exposure time in seconds from a header value, a number or a text such as ``500 ms`` or ``1/100``.
+
+    The unit is read from the comment, or else from `unit`, the value of the keyword TIMEUNIT. Raises ValueError if the value is
+    not a number.
     """
     scale = unit_of(comment) or SECONDS.get(unit.strip().lower(), 1.0)
     if isinstance(value, str):

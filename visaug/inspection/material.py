@@ -59,7 +59,7 @@ class FrameGroup:
     frames: np.ndarray  # (n, H, W) float32 DN, copies of one exposure left out
     copies: int = 0  # number of frames left out as copies
     bits: int | None = None  # of the converter as the files state it, None where they do not
-    guessed: bool = False  # whether the kind was told by the level
+    guessed: bool = False  # whether the kind was inferred from the signal level
     coloured: bool = False  # whether neighbours share noise, so that its spectrum is not white
 
     @property
@@ -166,7 +166,7 @@ def looks(
 ) -> tuple[list[FrameGroup], list[str]]:
     """The frames by kind, conditions, size and level, the largest group first; and notes on what was left out.
 
-    `guessed` says whether some of the kinds were told by the level; by `shift` bits the values are moved up, which is taken back.
+    `guessed`: some kinds were inferred from the signal level. `shift`: number of bits by which values are shifted left.
     """
     notes: list[str] = []
     records = [replace(r, kind=kind) for r, kind in zip(frames.records, kinds, strict=True)]

@@ -26,8 +26,8 @@ class LineDefects(Effect):
     lines; e ~ Exp(1) per camera, n ~ N(0, 1) in every frame"""
     source = """classes of data sheets (dead, bright, clusters); after J. Janesick, Scientific Charge-Coupled
     Devices (SPIE 2001), column defects; exponential levels: assumed"""
-    separates = """average many frames and plot the column and row means: single lines stand out from the Gaussian
-    scatter of dsnu; the variance in time of unstable lines is larger than that of their neighbours"""
+    separates = """average many frames and plot the row and column means: defective lines are outliers of the
+    Gaussian dsnu distribution; unstable lines have a larger temporal variance than their neighbours"""
     differentiable = False
     why_not = "whether a line is defective is discrete; image and level have gradients elsewhere"
     density = Strength(
