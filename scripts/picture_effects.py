@@ -1,6 +1,6 @@
-"""Effects hidden in pictures of unknown scenes, and cameras that hide nothing, as tables for docs/target.md.
+"""Effects hidden in pictures of unknown scenes, and cameras that hide nothing, as tables for docs/target_studies.md.
 
-python -m scripts.picture_effects RESULTS.jsonl [--clean 40] [--only clean] [--update docs/target.md]
+python -m scripts.picture_effects RESULTS.jsonl [--clean 40] [--only clean] [--update docs/target_studies.md]
 
 Each case is diagnosed once and appended to RESULTS.jsonl, so that an interrupted run goes on where it stopped. Strengths relative
 to the read noise are those of the proof's cameras (train/render/independent_camera.py: banding 1.3, step between the halves

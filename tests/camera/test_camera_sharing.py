@@ -117,3 +117,8 @@ def test_export_demands_a_licence(file: Path) -> None:
     with pytest.raises(InputError, match="licence"):
         export_camera(changed(file, licence=None))
     assert not Path("camera-camera").exists()
+
+
+def test_a_folder_is_not_a_camera_file(file: Path) -> None:
+    with pytest.raises(InputError, match="is a folder"):
+        add_camera(file.parent)

@@ -48,3 +48,10 @@ def test_folds_share_no_frame_and_every_group_is_in_two():
     for group in frames.groups():
         assert set(group.indices) & set(folds.find)
         assert set(group.indices) & set(folds.confirm)
+
+
+def test_another_transfer_and_no_frames_are_refused(stated):
+    with pytest.raises(InputError, match="linear or srgb"):
+        compare(stated, frame_set(22), transfer="auto")
+    with pytest.raises(InputError, match="at least one frame"):
+        compare(stated, FrameSet.from_arrays([], []))

@@ -78,7 +78,8 @@ def add_camera(file: str | Path, force: bool = False) -> Path:
     """
     file = Path(file)
     if not file.is_file():
-        raise InputError("no such file", file=file, expected="a camera.yaml")
+        problem = "is a folder" if file.is_dir() else "no such file"
+        raise InputError(problem, file=file, expected="a camera.yaml")
     camera = documented(file)
     name = re.sub(r"[^a-z0-9]+", "_", camera.name.lower()).strip("_")
     if not name or len(name) > 64:  # it becomes a file's name

@@ -9,6 +9,7 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.characterization.alarms import all_warnings, found_by_checks
+from visaug.core.errors import InputError
 from visaug.core.sampling import as_seed
 from visaug.diagnosis import store
 from visaug.diagnosis.names import Names
@@ -42,6 +43,9 @@ class Laboratory:
         report: called with (description, done, total) while frames are read.
         transfer: of ordinary pictures, how their values follow from light.
         scenes: other pictures of such scenes as ordinary pictures show.
+
+    Raises:
+        InputError: `transfer` is another word.
     """
 
     def __init__(
@@ -56,6 +60,8 @@ class Laboratory:
         scenes: FrameSet | None = None,
     ):
         self.seed = as_seed(seed)
+        if transfer not in ("linear", "srgb"):
+            raise InputError(f"{transfer!r} is not a choice", field="transfer", expected="linear or srgb")
         self.spread = spread or on_this_machine()
         self.sequences: tuple[int, ...]
         self.units: dict[str, float] = {}

@@ -57,9 +57,12 @@ class FrameSet:
         """The frame set itself, or the one at a path.
 
         Raises:
-            InputError: neither a frame set nor a path, or a path that holds no frames.
+            InputError: neither a frame set nor a path, or one without frames.
         """
-        return source if isinstance(source, FrameSet) else cls.load(source, resolution)
+        frames = source if isinstance(source, FrameSet) else cls.load(source, resolution)
+        if not len(frames):
+            raise InputError("there are none", field="frames", expected="at least one frame")
+        return frames
 
     @classmethod
     def load(
