@@ -1,4 +1,4 @@
-"""Effective cameras found from pictures of known cameras, as a table for docs/target.md."""
+"""Effective cameras found from pictures of known cameras, as a table for docs/target_studies.md."""
 
 from __future__ import annotations
 
