@@ -424,3 +424,22 @@ def test_of_statistics_that_follow_one_random_number_each_has_its_share_of_the_w
         of_copies = DRIFT[0][use] > 0
         np.testing.assert_allclose(ratio.weights[of_copies], 1 / of_copies.sum(), rtol=0.1)
         assert np.median(ratio.weights[~of_copies]) > 0.8
+
+
+def test_what_an_effect_predicts_exactly_counts():
+    """Every 50th statistic is 40 below without scatter, as of lost bits, and the rival leaves two standard deviations of it.
+
+    The rival has the evidence of these statistics as far as it explains them, so without theirs it would be preferred.
+    """
+    places = np.arange(ALL) % 50 == 0
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        plain, measured = rng.standard_normal((PLAIN, ALL)), rng.standard_normal(ALL)
+        measured[places] = -40.0
+        exact, rival = plain[:WITH].copy(), plain[:WITH].copy()
+        exact[:, places] = -40.0
+        rival[:, places] -= 38.0
+        before = state(measured, plain)
+        one, other = (before.with_effect("row_noise", state(measured, sets).fitted) for sets in (exact, rival))
+        assert evidence(before, one, 0).accepts
+        assert between(before, one, other) > ODDS

@@ -7,7 +7,8 @@ Each statistic of the discovery and of the hold-out frames has, under a model M 
 a normal distribution with the standard deviation s_M of the model's own refitted simulated sets and the model discrepancy t of
 the accepted effects, and a log-uniform distribution for what effects outside the model cause; s is the standard deviation
 without the effect, e and R are `OUTLIERS` and `RANGE` of `visaug.diagnosis.fitting.law`. A statistic that the effect shifts far in
-few specimens has a mixture of two normal distributions with it (`visaug.diagnosis.fitting.law.rare`). The evidence of an effect is
+few specimens has a mixture of two normal distributions with it (`visaug.diagnosis.fitting.law.rare`); where sets with the effect all
+give one value, s_M is 0 and t remains. The evidence of an effect is
 
     L(r) = sum of log p(r_1 | M_1) - log p(r_0 | M_0)
 
@@ -268,14 +269,20 @@ class _Ratio:
         return 1 / (1 + np.where(squares > CERTAIN**2 / len(sets), squares, 0.0).sum(0))
 
     @cached_property
+    def _is_fixed(self) -> np.ndarray:
+        """What the effect moves to a value that is the same in all sets: with lost bits no code has its lowest bit set."""
+        plain = self.before.null.scale
+        return (plain > 0) & (self.after.null.scale == 0) & (np.abs(self.moves) > plain)
+
+    @cached_property
     def _used(self) -> np.ndarray:
-        return (self.before.null.scale > 0) & (self.after.null.scale > 0)
+        return ((self.before.null.scale > 0) & (self.after.null.scale > 0)) | self._is_fixed
 
     @cached_property
     def _spreads(self) -> tuple[np.ndarray, np.ndarray]:
         """Of the statistics used: standard deviations without and with the effect, see `scales`."""
-        plain, own = (scale[self._used] for scale in scales(self.before, self.after))
-        return plain, own
+        plain, own = scales(self.before, self.after)
+        return np.where(self._is_fixed, self.before.null.scale, plain)[self._used], own[self._used]
 
     @cached_property
     def _scales(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
