@@ -440,6 +440,8 @@ def test_what_an_effect_predicts_exactly_counts():
         exact[:, places] = -40.0
         rival[:, places] -= 38.0
         before = state(measured, plain)
-        one, other = (before.with_effect("row_noise", state(measured, sets).fitted) for sets in (exact, rival))
+        one, other = (
+            before.with_effect("row_noise", state(measured, sets).fitted) for sets in (exact, rival)
+        )
         assert evidence(before, one, 0).accepts
         assert between(before, one, other) > ODDS

@@ -7,8 +7,8 @@ Each statistic of the discovery and of the hold-out frames has, under a model M 
 a normal distribution with the standard deviation s_M of the model's own refitted simulated sets and the model discrepancy t of
 the accepted effects, and a log-uniform distribution for what effects outside the model cause; s is the standard deviation
 without the effect, e and R are `OUTLIERS` and `RANGE` of `visaug.diagnosis.fitting.law`. A statistic that the effect shifts far in
-few specimens has a mixture of two normal distributions with it (`visaug.diagnosis.fitting.law.rare`); where sets with the effect all
-give one value, s_M is 0 and t remains. The evidence of an effect is
+few specimens has a mixture of two normal distributions with it (`visaug.diagnosis.fitting.law.rare`); where all sets with the
+effect give one value, s_M is 0 and t remains. The evidence of an effect is
 
     L(r) = sum of log p(r_1 | M_1) - log p(r_0 | M_0)
 
