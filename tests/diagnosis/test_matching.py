@@ -6,7 +6,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import torch
 from scipy.special import erfc
 
 from tests.diagnosis import states
@@ -424,14 +423,3 @@ def test_a_wide_range_of_numbers_is_tried_in_the_words_that_match_best():
     assert widths[-1] > 0.5
     assert max(b / a for a, b in pairwise(widths)) < 3.2  # overlap of neighbouring widths over 0.8
     assert {dict(t.values)["amplifier_glow.place"] for t in beside_words(corner)} == {"top_left"}
-
-
-def test_two_taps_are_tried_under_one_name():
-    """Two blocks of `column_parity` are a `tap_mismatch`, of one sign or the other: tried as both they would share their odds."""
-    parity, taps = catalogue()["column_parity"], catalogue()["tap_mismatch"]
-    level = torch.full((1, 1, 16, 32), 500.0)
-    blocks = parity(offset_e=1.5, gain=0.01, layout="blocks")(level)
-    steps = [taps(offset_e=a, gain=b)(level) for a in (3.0, -3.0) for b in (0.02, -0.02)]
-    assert any(torch.allclose(blocks, step) for step in steps)
-    assert form_trials(parity)
-    assert all("layout" not in t.by_name for t in form_trials(parity))

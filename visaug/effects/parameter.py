@@ -22,8 +22,7 @@ class Parameter:
         high: upper bound, likewise.
         source: paper, standard or datasheet that the parameter and its default come from.
         strength: True if the effect vanishes when this parameter is zero.
-        trials: starting values of a diagnosis: from weak to strong for a strength, across the range otherwise; of a categorical
-            parameter the options that it tries, all if there are none.
+        trials: starting values of a diagnosis: from weak to strong for a strength, across the range otherwise.
         options: allowed values of a categorical parameter. It has no bounds and is not randomised.
         integer: True if only whole numbers are allowed; random draws are rounded.
         of: options of the effect's categorical parameters with which this number is used; empty means all. A fit does not vary
@@ -63,9 +62,9 @@ class Strength(Parameter):
     strength: bool = True
 
 
-def choice(options: tuple[str, ...], source: str, trials: tuple[str, ...] = ()) -> Parameter:
+def choice(options: tuple[str, ...], source: str) -> Parameter:
     """A categorical parameter; the first of its options is the default."""
-    return Parameter(options[0], options=options, source=source, trials=trials)
+    return Parameter(options[0], options=options, source=source)
 
 
 def unused(parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> dict[str, str]:

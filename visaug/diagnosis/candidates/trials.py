@@ -233,7 +233,7 @@ def _forms(effect: type[Effect], least: int) -> list[dict[str, Any]]:
         beside: list[dict[str, Any]] = [{}]
         if p.of and not words & set(p.of):
             beside = [{k: w} for k, c in effect.parameters.items() for w in p.of if w in c.options]
-        others = [value for value in p.trials or p.options if value != p.default]
+        others = [value for value in p.options or p.trials if value != p.default]
         forms += [{**word, key: value} for value in others for word in beside]
     return forms
 

@@ -35,11 +35,7 @@ class ColumnParity(Effect):
     channels = Parameter(
         2.0, "channels", 2.0, MOST, "2: odd and even columns", integer=True, trials=(2, 4, 8)
     )
-    layout = choice(
-        ("interleaved", "blocks"),
-        "blocks: taps side by side, as in large CCDs; a diagnosis finds two of them as tap_mismatch",
-        trials=("interleaved",),
-    )
+    layout = choice(("interleaved", "blocks"), "blocks: taps side by side, as in large CCDs")
 
     @classmethod
     def looks(cls, seen):
