@@ -37,6 +37,7 @@ STATED = {
     "prnu": {"pixel": 0.01},
 }
 COLUMNS = ("dsnu", "fixed_pattern_structure")
+TAPS = ("tap_mismatch", "column_parity")  # two blocks of the latter have the same law
 HIDDEN = {
     "row noise, 9 e-": ({"row_e": 9.0}, ("row_noise",), FEW),
     "banding, 18 e- at 19 rows": ({"banding_e": 18.0}, ("periodic_banding",), FEW),
@@ -44,7 +45,7 @@ HIDDEN = {
     "hot pixels, 0.3 % with 60 e-": ({"hot_share": 0.003, "hot_e": 60.0}, ("hot_pixels",), FEW),
     "blooming, 85 % go on": ({"bloom_share": 0.85}, ("blooming",), MANY),
     "vignetting, 30 % in the corner": ({"corner_loss": 0.3}, ("vignetting",), MANY),
-    "step of 22 e- between the halves": ({"tap_e": 22.0}, ("tap_mismatch",), FEW),
+    "step of 22 e- between the halves": ({"tap_e": 22.0}, TAPS, FEW),
 }
 CONTENTS = ("sunlit", "spacecraft", "natural")
 BEGIN, END = "<!-- tables of picture_effects.py -->", "<!-- end of tables -->"
