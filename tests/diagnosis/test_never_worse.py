@@ -76,3 +76,10 @@ def test_effects_are_ambiguous_while_one_is_accepted_and_another_is_not(accepted
     """Both may be there: then nothing is left open."""
     end = SimpleNamespace(state=SimpleNamespace(accepted=accepted))
     assert outcome._is_open({"dust", "fringing"}, end) is is_open  # pyrefly: ignore[bad-argument-type]
+
+
+def test_what_an_accepted_effect_takes_for_granted_is_told_in_a_warning():
+    (warning,) = outcome.assumed(["row_noise", "veiling_glare"])
+    assert warning.startswith(
+        "assumed: veiling_glare: beyond the frame the scene goes on as its mirror image"
+    )

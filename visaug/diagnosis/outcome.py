@@ -16,6 +16,7 @@ from visaug.diagnosis.state import State
 from visaug.diagnosis.telling import cannot_show, form, residue
 from visaug.diagnosis.verdict import Verdict
 from visaug.diagnosis.verdicts import verdicts
+from visaug.effects import catalogue
 from visaug.statistics.distance import is_clear
 from visaug.statistics.places import places
 from visaug.statistics.tail import SIGNIFICANT
@@ -57,7 +58,7 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
         form=form(statistics, end.state),
         cannot_show=cannot_show(setting.signs, first),
         used=lab.selection,
-        warnings=(*lab.warnings, *rises(steps), *erratic(end, effects)),
+        warnings=(*lab.warnings, *rises(steps), *erratic(end, effects), *assumed(end.state.accepted)),
         effects=effects,
         errors=setting.errors,
     )
@@ -110,6 +111,14 @@ def erratic(end: SearchStage, effects: Sequence[Verdict]) -> list[str]:
         return []
     why = "statistics of this camera answer the smallest step of a parameter by chance, as lost bits make them do"
     return [f"limits: {why}; the limits of effects that are called absent ({absent}) can be too low"]
+
+
+def assumed(accepted: Sequence[str]) -> list[str]:
+    """A warning for each accepted effect whose intervals do not contain what its estimates take for granted."""
+    effects = [catalogue()[name] for name in accepted]
+    return [
+        f"assumed: {e.name}: {e.assumes}, which its intervals do not contain" for e in effects if e.assumes
+    ]
 
 
 def _sequence_numbers(setting: Setting) -> dict[str, list[int]]:

@@ -27,6 +27,8 @@ class LensFlare(Effect):
     separates = (
         """place a bright source at several positions: ghosts move opposite to it, veiling glare does not"""
     )
+    assumes = """beyond the frame the scene goes on as its mirror image; other light there changes the share
+    and the width of the halo by tens of per cent"""
     ghost_share = Strength(
         0.01, "fraction", 0.0, 0.5, "uncoated surfaces reflect 4 % each", trials=(0.01, 0.05)
     )

@@ -15,6 +15,8 @@ class VeilingGlare(Spreading):
     equation = "mu_p <- (1 - share) mu_p + share (mu_p * k), k of unit volume and given width"
     source = "ISO 9358:1994, veiling glare index; E. Talvala et al., ACM TOG 26 (2007) 37"
     separates = "image a bright source on black: veiling glare reaches far, crosstalk and point spread do not"
+    assumes = """beyond the frame the scene goes on as its mirror image; other light there changes share and
+    width by tens of per cent"""
     share = Strength(0.05, "fraction", 0.0, 0.9, "veiling glare index: 1 to 10 %", trials=(0.03, 0.12))
     width_px = Parameter(
         40.0, "px", 5.0, 1e5, "from tens of pixels to the whole field", trials=(15.0, 50.0, 200.0, 800.0)
