@@ -37,13 +37,13 @@ def reliability(axes, pairs: list[tuple[float, bool]]) -> None:
         label = None if k else "counted, 95 %"
         axes.errorbar(one.mean, right, yerr=error, fmt="o", color=MEASURED, label=label)
         axes.annotate(
-            str(one.count), (one.mean, right), (-6, 0), textcoords="offset points", ha="right", va="center"
+            str(one.count), (one.mean, right), (6, 0), textcoords="offset points", ha="left", va="center"
         )
     axes.set(
         xlabel="stated probability", ylabel="share of right names", xlim=(0, 1.05), ylim=(0, 1.05),
         title="Probability of a name; numbers are counts",
     )  # fmt: skip
-    axes.legend(loc="upper left")
+    axes.legend(loc="lower right")
 
 
 def kinds(axes, sets: list[tuple[dict, dict]]) -> None:
@@ -64,7 +64,7 @@ def kinds(axes, sets: list[tuple[dict, dict]]) -> None:
     ):
         axes.barh(range(len(shown)), counts[:, column], left=left, color=colour, label=label)
         for row, (start, size) in enumerate(zip(left, counts[:, column], strict=True)):
-            if size:
+            if size > 0.03 * counts.sum(1).max():  # the width of a number
                 ink = "black" if column == 1 else "white"
                 axes.text(start + size / 2, row, str(size), ha="center", va="center", color=ink)
         left += counts[:, column]
