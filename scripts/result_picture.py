@@ -75,13 +75,14 @@ def kinds(axes, sets: list[tuple[dict, dict]]) -> None:
 
 
 def named(axes, sets: list[tuple[dict, dict]]) -> None:
-    """Number of sets by hidden effect and by what was named in them: the diagonal is right."""
+    """Number of sets by hidden effect and by what was named in them: the diagonal is right, a wrong name beside it is shown too."""
     cells: Counter[tuple[str, str]] = Counter()
     for answer, result in sets:
         accepted = (result["diagnosis"] or {}).get("accepted", [])
         for own in answer["expect"] if answer["kind"] in ("single", "other_form", "pairs") else ():
             others = [name for name in accepted if name not in answer["expect"]]
-            cells.update((own, name) for name in ([own] if own in accepted else others or [NOTHING]))
+            right = [own] if own in accepted else []
+            cells.update((own, name) for name in [*right, *others] or [NOTHING])
     rows = sorted({own for own, _ in cells})
     columns = [*rows, *sorted({name for _, name in cells} - {*rows, NOTHING}), NOTHING]
     for (own, name), count in cells.items():
