@@ -16,14 +16,16 @@ from visaug.diagnosis.fitting.reference import (
     far_coordinates,
     make_reference,
 )
-from visaug.diagnosis.fitting.robust import LIKELIHOOD, adjust, misfit, standardised
+from visaug.diagnosis.fitting.robust import LIKELIHOOD, OUTLIER, added_by_noise, adjust, misfit, standardised
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.statistics import Statistic
 
 STEPPED = 4  # simulations with common random numbers that follow the mean on the way,
+CLOSELY = 16  # where a fit is followed closely,
 TWINS = 6  # and where it ends
 FAR_BLACK = 3.0  # steps of the black level after which it is first set by the bias frames' mean
 PROMISED = 0.25  # log likelihood; a step for which the derivatives promise less is not simulated
+ITERATIONS = 12
 NOISY = 0.1  # `Fitted.noise` from which sets are simulated anew
 UNKEPT = 2.0  # log likelihood; a fit ends at a step that promised less and makes the rest larger,
 DAMPED_OUT = 100.0  # or when steps are shortened so much
@@ -87,7 +89,7 @@ def refit(
     reference: Reference,
     report: Report,
     begin: Camera | None = None,
-    iterations: int = 12,
+    iterations: int = ITERATIONS,
     known: Fitted | None = None,
 ) -> Fitted:
     """Fits the reference's coordinates to the discovery frames.
@@ -126,6 +128,27 @@ def settled(
     return refit(lab, replace(anew, is_erratic=True) if is_noisy else anew, report)
 
 
+def followed(lab: Laboratory, fitted: Fitted, report: Report) -> Fitted:
+    """A fit that goes on with more simulations where its derivatives promise a better one.
+
+    Few simulations add noise to the objective function everywhere but at the reference, so that a fit stays near it where
+    the frames hardly tell two parameters apart. Here that noise is subtracted.
+    """
+    reference = fitted.reference
+    offset = np.array([c.read(fitted.camera) - c.read(reference.camera) for c in reference.coordinates])
+    (step,) = adjust(
+        fitted.residual[None],
+        reference.slopes,
+        reference.scale,
+        reference.priors,
+        offset,
+        noise=reference.noise,
+    )
+    if _promised(reference, fitted.residual, step, True) < UNKEPT:
+        return fitted
+    return _descended(lab, reference, report, fitted.camera, closely=True)
+
+
 def is_apart(reference: Reference, camera: Camera, at: np.ndarray) -> bool:
     """Whether a camera is more than `BENT` standard deviations of a fit from coordinates."""
     away = np.abs([c.read(camera) for c in reference.coordinates] - at)
@@ -137,34 +160,36 @@ def _descended(
     reference: Reference,
     report: Report,
     begin: Camera | None,
-    iterations: int,
+    iterations: int = ITERATIONS,
     known: Fitted | None = None,
+    closely: bool = False,
 ) -> Fitted:
+    """The fit from one start.
+
+    Args:
+        closely: whether more simulations follow the mean, and what their noise adds to the objective function is subtracted.
+    """
     measured = lab.measured[0].values
     coordinates, priors = list(reference.coordinates), reference.priors
     steps = np.array([c.step for c in coordinates])
     start = np.array([c.read(reference.camera) for c in coordinates])
-    twins = min(STEPPED, len(reference.sets))
+    twins = min(CLOSELY if closely else STEPPED, len(reference.sets))
     noise_of_slopes = np.zeros(len(start)) if reference.noise is None else reference.noise
 
-    def mean_at(camera: Camera) -> np.ndarray:
-        there = lab.finding([(camera, k) for k in range(twins)])
-        return reference.mean + there.mean(0) - reference.sets[:twins].mean(0)
+    def met(there: Camera) -> tuple[float, np.ndarray, Camera, np.ndarray]:
+        place, mean, by_noise = np.array([c.read(there) for c in coordinates]), reference.mean, 0.0
+        if there is not reference.camera:
+            moves = lab.finding([(there, k) for k in range(twins)]) - reference.sets[:twins]
+            mean = mean + moves.mean(0)
+            if closely:
+                by_noise = added_by_noise(measured - mean, reference.scale, moves.var(0, ddof=1) / twins)
+        return misfit(measured - mean, reference.scale) - by_noise, place, there, mean
 
     def point_at(place: np.ndarray) -> tuple[float, np.ndarray, Camera, np.ndarray]:
-        there = moved(camera, coordinates, place.tolist())
-        mean = mean_at(there)
-        return (
-            misfit(measured - mean, reference.scale),
-            np.array([c.read(there) for c in coordinates]),
-            there,
-            mean,
-        )
+        return met(moved(camera, coordinates, place.tolist()))
 
-    at, camera, mean = start.copy(), reference.camera, reference.mean
-    if begin is not None:
-        at, camera, mean = np.array([c.read(begin) for c in coordinates]), begin, mean_at(begin)
-    best = (misfit(measured - mean, reference.scale), at, camera, mean)
+    best = met(reference.camera if begin is None else begin)
+    _, at, camera, mean = best
     damping, bends = 0.0, np.array([c.path == WELL for c in coordinates], bool)
     share = np.ones(len(start))
 
@@ -193,7 +218,7 @@ def _descended(
         step = _to_bias_level(lab, reference, left) if i == 0 else None
         if step is None:
             step = step_from(at, mean)
-            promised = LIKELIHOOD * (best[0] - misfit(left - reference.slopes @ step, reference.scale))
+            promised = _promised(reference, left, step, closely)
             if promised < PROMISED:
                 break
         if known is not None and not is_apart(reference, known.camera, at + step):
@@ -235,6 +260,18 @@ def _descended(
         for f, mean, use in zip(lab.measured, means, USES, strict=True)
     )
     return Fitted(reference, camera, *left, noise=noise, simulation_error=error)
+
+
+def _promised(reference: Reference, left: np.ndarray, step: np.ndarray, closely: bool) -> float:
+    """Log likelihood that a step of the coordinates gains by the derivatives.
+
+    Args:
+        left: residuals before it.
+        closely: whether what noise of the derivatives adds to the residuals after it is subtracted.
+    """
+    less = misfit(left, reference.scale) - misfit(left - reference.slopes @ step, reference.scale)
+    noise = reference.noise if closely and reference.noise is not None else np.zeros(len(step))
+    return LIKELIHOOD * (less + float((noise * step**2).sum()) / OUTLIER**2)
 
 
 def _means_at(

@@ -238,8 +238,8 @@ def make_reference(
     """Simulates `sets` sets and the derivatives.
 
     Args:
-        known: reference of a similar camera, whose derivatives are reused except that of the full well, which changes where
-            an effect adds noise.
+        known: reference of a similar camera, whose derivatives are reused except those of the full well, which changes where
+            an effect adds noise, and of the black level, which bits answer otherwise at another level.
         begun: the same reference with fewer sets; these and its derivatives are reused.
     """
     if begun is None and sets > FIRST:
@@ -253,7 +253,11 @@ def make_reference(
             for use, more in zip(USES, values, strict=True)
         )
         return replace(begun, find=find, confirm=confirm, whole=whole)
-    taken = {} if known is None else {c.path: k for k, c in enumerate(known.coordinates) if c.path != WELL}
+    taken = (
+        {}
+        if known is None
+        else {c.path: k for k, c in enumerate(known.coordinates) if c.path not in (WELL, BLACK)}
+    )
     old = [c for c in coordinates if c.path in taken]
     coordinates = old + [c for c in coordinates if c.path not in taken]
     slopes, noise = derivatives(

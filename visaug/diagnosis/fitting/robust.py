@@ -106,3 +106,16 @@ def _lengthened(steps: np.ndarray, normal: np.ndarray, noise: np.ndarray) -> np.
 def misfit(residual: np.ndarray, scale: np.ndarray) -> float:
     """The objective function of the robust fit."""
     return float(np.log1p((standardised(residual, scale) / OUTLIER) ** 2).sum())
+
+
+def added_by_noise(residual: np.ndarray, scale: np.ndarray, noise: np.ndarray) -> float:
+    """What noise of residuals adds to the expected value of their `misfit`, to second order.
+
+    Where it is not subtracted, a fit keeps near the camera at which all simulations are known.
+
+    Args:
+        noise: (statistics,) its variance.
+    """
+    squares = (standardised(residual, scale) / OUTLIER) ** 2
+    share = np.divide(noise, (OUTLIER * scale) ** 2, out=np.zeros_like(squares), where=scale > 0)
+    return float((share * (1 - squares) / (1 + squares) ** 2).sum())
