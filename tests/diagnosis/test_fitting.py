@@ -11,7 +11,7 @@ from benchmark.effects import BY_NAME
 from tests.diagnosis.small import SENSOR, Hidden, frame_set
 from visaug.diagnosis.candidates.climb import newton
 from visaug.diagnosis.fitting import fit
-from visaug.diagnosis.fitting.fit import NOISY, bias_level, refit, settled
+from visaug.diagnosis.fitting.fit import NOISY, bias_level, followed, refit, settled
 from visaug.diagnosis.fitting.parameters import (
     Coordinate,
     base_coordinates,
@@ -31,7 +31,7 @@ from visaug.diagnosis.fitting.reference import (
     is_far,
     make_reference,
 )
-from visaug.diagnosis.fitting.robust import adjust
+from visaug.diagnosis.fitting.robust import added_by_noise, adjust, misfit
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.spread import by_threads
 
@@ -195,6 +195,26 @@ def test_the_derivative_of_a_bit_is_that_of_its_law(stated):
     law = (share(121.5 + 1e-4) - share(121.5 - 1e-4)) / 2e-4
     bit = next(i for i, s in enumerate(lab.statistics) if s.name == "dark: bit 1 set")
     assert slopes[bit, 0] == pytest.approx(law, rel=0.15)
+
+
+def test_the_derivative_of_the_black_level_is_not_that_of_another_level(stated):
+    """Bit 1 of codes of 1.0 DN wide answers with the other sign 2 DN further; a reference nearby has the first one's derivatives."""
+    dark = dict.fromkeys(("dark_current.a_e_per_s", "dsnu.column_e", "dsnu.row_e", "dsnu.pixel_e"), 0.0)
+    narrow = stated.replace({"read_noise.sigma_e": 2.5, "gain_e_per_dn": 2.45, **dark})
+    at, there = (narrow.replace({"black_level_dn": black}) for black in (121.5, 123.5))
+    lab = Laboratory(frame_set(0), narrow, spread=by_threads())
+    free = base_coordinates(narrow, lab.frames, lab.calibrated)
+    known = make_reference(lab, at, free, 2, lambda *_: None)
+    reused, anew = (
+        make_reference(lab, there, free, 2, lambda *_: None, known=reference) for reference in (known, None)
+    )
+    bit = next(i for i, s in enumerate(lab.statistics) if s.name == "dark: bit 1 set")
+    level = bias_level(lab.statistics)
+    for reference in (known, reused, anew):
+        (black,) = (k for k, c in enumerate(reference.coordinates) if c.path == "black_level_dn")
+        assert reference.slopes[level, black] == pytest.approx(1.0, abs=0.02)
+        sign = 1 if reference is known else -1
+        assert sign * reference.slopes[bit, black] > 0.1
 
 
 def test_a_wider_step_does_not_move_a_dark_level_by_more_than_its_bits_are_linear_over(stated):
@@ -625,6 +645,62 @@ def test_the_noise_of_following_the_mean_is_part_of_a_fits_error(stated):
             1 / 6, rel=0.5
         )  # in variances of a set; of 60 statistics, known to 8 %
     assert np.mean(errors) == pytest.approx(1 / (400 * np.sqrt(360)), rel=0.25)
+
+
+@pytest.mark.parametrize("size", [0.0, 1.0, 2.0, 4.0, 8.0])
+def test_what_noise_adds_to_the_objective_function_is_its_expected_value(size):
+    """The expected value by Gauss-Hermite quadrature; the fourth order is 1 % at a tenth of a standard deviation."""
+    points, weights = np.polynomial.hermite_e.hermegauss(40)
+    sigma, noise = 2.0, 0.2
+    around = size * sigma + noise * points
+    scale = np.array([sigma])
+    expected = sum(
+        w * misfit(np.array([x]), scale) for x, w in zip(around, weights / weights.sum(), strict=True)
+    )
+    more = added_by_noise(np.array([size * sigma]), scale, np.array([noise**2]))
+    assert expected - misfit(np.array([size * sigma]), scale) == pytest.approx(more, rel=0.02)
+
+
+class Anew(Straight):
+    """Sets of 6,400 statistics that a step of the efficiency moves little, and of whose variance it draws 7 % anew."""
+
+    SLOPE, COUNT, SHARE = 1.0, 6400, 0.07
+
+    def __init__(self, free, given, off, seed):
+        self.free, self.at, self.sets, self.seed = free, free.read(given), 0, seed
+        self.given = self.finding([(given, k) for k in range(60)])
+        truth = moved(given, [free], [self.at + off])
+        self.measured = [SimpleNamespace(values=self._set(truth, 1000))] * 3
+
+    def _set(self, camera, number):
+        step = self.free.read(camera) - self.at
+        place = round(1e9 * step) % 2**32
+        kept, own = (
+            np.random.default_rng([self.seed, number, k]).normal(size=self.COUNT) for k in (0, place + 1)
+        )
+        return self.SLOPE * step + np.sqrt(1 - self.SHARE) * kept + np.sqrt(self.SHARE) * own
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_fit_that_noise_of_few_simulations_held_is_followed(stated, seed):
+    """7 standard errors gain 24 in log likelihood, of which noise of 4 simulations takes 6400 x 0.14 / 4 / 2 = 112 or less.
+
+    Of what is subtracted for 16 some 8 are left by chance. The estimate has the error of one set and that of 16 simulations and
+    of the reference: 4 of them are a false alarm of 1 in 10,000 for each seed.
+    """
+    error = 1 / np.sqrt(Anew.COUNT)
+    (free,) = [c for c in base_coordinates(stated, frame_set(0), True) if c.path == "quantum_efficiency"]
+    lab = Anew(free, stated, 7 * error, seed)
+    sample = SimulatedStatistics(lab.given, np.full((Anew.COUNT, 1), Anew.SLOPE), np.zeros(Anew.COUNT))
+    reference = Reference(stated, (free,), *[sample] * 3)
+    held = refit(lab, reference, lambda *_: None)  # pyrefly: ignore[bad-argument-type]
+    assert abs(free.read(held.camera) - lab.at) < error
+    end = followed(lab, held, lambda *_: None)  # pyrefly: ignore[bad-argument-type]
+    assert free.read(end.camera) - lab.at == pytest.approx(7 * error, abs=4 * 1.05 * error)
+    lab.sets = 0
+    again = followed(lab, end, lambda *_: None)  # pyrefly: ignore[bad-argument-type]
+    assert again is end
+    assert lab.sets == 0
 
 
 class Valley(Bent):
