@@ -198,7 +198,7 @@ def test_the_derivative_of_a_bit_is_that_of_its_law(stated):
 
 
 def test_the_derivative_of_the_black_level_is_not_that_of_another_level(stated):
-    """Bit 1 of codes of 1.0 DN wide answers with the other sign 2 DN further; a reference nearby has the first one's derivatives."""
+    """Bit 1 of codes under a noise of 1.0 DN answers with the other sign 2 DN further; a reference nearby has the first one."""
     dark = dict.fromkeys(("dark_current.a_e_per_s", "dsnu.column_e", "dsnu.row_e", "dsnu.pixel_e"), 0.0)
     narrow = stated.replace({"read_noise.sigma_e": 2.5, "gain_e_per_dn": 2.45, **dark})
     at, there = (narrow.replace({"black_level_dn": black}) for black in (121.5, 123.5))

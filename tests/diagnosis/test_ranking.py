@@ -10,6 +10,7 @@ from tests.diagnosis.states import judged, leaving, refined
 from visaug.diagnosis import ranking
 from visaug.diagnosis.choice import Accepted
 from visaug.diagnosis.criterion import ODDS
+from visaug.diagnosis.outcome import several_maxima
 from visaug.diagnosis.result import FittedValue
 
 NAMES = ("brighter_fatter", "interpixel_crosstalk")
@@ -108,6 +109,49 @@ def test_intervals_hold_the_values_of_other_options_that_are_about_as_probable(s
         parameters = ranked["vignetting"].parameters
         assert parameters["corner_loss"] == FittedValue(0.205, low, 0.206, "fraction")
         assert parameters["power"] == FittedValue(1.8, 1.7, 1.9)
+
+
+@pytest.mark.parametrize(("period", "apart"), [(9.7, True), (19.3, False)])
+def test_another_maximum_is_told_where_values_or_options_differ(stated, monkeypatch, period, apart):
+    """A period and half of it. What differs by less than the intervals of both is the same maximum."""
+    periods = {
+        2.0: FittedValue(19.4, 19.2, 19.6, "row"),
+        1.0: FittedValue(period, period - 0.1, period + 0.1, "row"),
+    }
+
+    def estimated(effect, camera, *_):
+        strength = camera.values()["periodic_banding.amplitude_e"]
+        return {"amplitude_e": FittedValue(1.0, 0.5, 1.5, "e-"), "period": periods[strength]}
+
+    monkeypatch.setattr(ranking, "estimates", estimated)
+    cameras = [stated.with_effect("periodic_banding", amplitude_e=e) for e in periods]
+    one, other = (
+        judged(refined("periodic_banding", camera, 40.0), leaving([0.0] * 4, camera, "periodic_banding"))
+        for camera in cameras
+    )
+    end = leaving([0.0] * 4, cameras[0], "periodic_banding")
+    assert ranking.other_maximum(one, end) is None
+    text = ranking.other_maximum(replace(one, otherwise=other), end)
+    assert text == ("period 9.7 row as with period 19.4 row" if apart else None)
+    history = [SimpleNamespace(standing=()), SimpleNamespace(standing=(replace(one, otherwise=other),))]
+    told = several_maxima(history, end)  # pyrefly: ignore[bad-argument-type]
+    assert (
+        told
+        == [
+            "maxima: periodic_banding: about as likely with period 9.7 row as with period 19.4 row; its intervals hold both"
+        ]
+        * apart
+    )
+    assert several_maxima(history, leaving([0.0] * 4, stated)) == []  # pyrefly: ignore[bad-argument-type]
+
+
+def test_another_option_is_another_maximum(stated):
+    one, other = (
+        judged(refined("vignetting", camera, 40.0), leaving([0.0] * 4, camera, "vignetting"))
+        for camera in (stated.with_effect("vignetting", law=law) for law in ("power", "cos4"))
+    )
+    text = ranking.other_maximum(replace(one, otherwise=other), one.state)
+    assert text == "law cos4 as with law power"
 
 
 def test_an_effect_is_reported_as_it_is_beside_later_ones(stated, setting, monkeypatch):

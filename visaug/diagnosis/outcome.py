@@ -9,7 +9,7 @@ from scipy.special import expit
 
 from visaug.diagnosis.fitting.robust import p_value, standardised
 from visaug.diagnosis.outside import log_odds_outside
-from visaug.diagnosis.ranking import refitted
+from visaug.diagnosis.ranking import other_maximum, refitted
 from visaug.diagnosis.result import Diagnosis, Ranked, Step
 from visaug.diagnosis.stage import History, SearchStage, Setting
 from visaug.diagnosis.state import State
@@ -58,7 +58,13 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
         form=form(statistics, end.state),
         cannot_show=cannot_show(setting.signs, first),
         used=lab.selection,
-        warnings=(*lab.warnings, *rises(steps), *erratic(end, effects), *assumed(end.state.accepted)),
+        warnings=(
+            *lab.warnings,
+            *rises(steps),
+            *erratic(end, effects),
+            *several_maxima(history, end.state),
+            *assumed(end.state.accepted),
+        ),
         effects=effects,
         errors=setting.errors,
     )
@@ -111,6 +117,19 @@ def erratic(end: SearchStage, effects: Sequence[Verdict]) -> list[str]:
         return []
     why = "statistics of this camera answer the smallest step of a parameter by chance, as lost bits make them do"
     return [f"limits: {why}; the limits of effects that are called absent ({absent}) can be too low"]
+
+
+def several_maxima(history: History, end: State) -> list[str]:
+    """A warning for each accepted effect that other options or values of its own describe about as well."""
+    own = [stage.standing[0] for stage in history if stage.standing]
+    found = [
+        (one.refined.effect, other_maximum(one, end)) for one in own if one.refined.effect in end.accepted
+    ]
+    return [
+        f"maxima: {name}: about as likely with {other}; its intervals hold both"
+        for name, other in found
+        if other
+    ]
 
 
 def assumed(accepted: Sequence[str]) -> list[str]:

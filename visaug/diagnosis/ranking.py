@@ -86,6 +86,34 @@ def _with_those(effect: str, after: State, otherwise: Judged | None) -> dict[str
     return {name: own.reaching(others[name]) if name in others else own for name, own in found.items()}
 
 
+def other_maximum(one: Judged, end: State) -> str | None:
+    """The options and values of an accepted effect at the other maximum of its likelihood and at its own.
+
+    None where there is no other, or where neither an option differs nor a value by more than the intervals of both.
+
+    Args:
+        one: the effect in its own step.
+        end: the last camera.
+    """
+    if one.otherwise is None:
+        return None
+    effect, states = one.refined.effect, (one.otherwise.state, end)
+    values = [estimates(effect, state.camera, *state.numbers) for state in states]
+    words = [state.camera.choices() for state in states]
+    there, here = [], []
+    for path, word in words[1].items():
+        if path.startswith(f"{effect}.") and words[0].get(path, word) != word:
+            name = path.split(".", 1)[1]
+            there.append(f"{name} {words[0][path]}")
+            here.append(f"{name} {word}")
+    for name, value in values[1].items():
+        other = values[0].get(name)
+        if other is not None and value.is_apart(other):
+            there.append(f"{name} {other}")
+            here.append(f"{name} {value}")
+    return f"{', '.join(there)} as with {', '.join(here)}" if here else None
+
+
 def refitted(ranked: Ranks, earlier: Sequence[Judged], end: State) -> Ranks:
     """With the parameters of effects that were accepted earlier as they are in the last camera, beside the later ones."""
     found = dict(ranked)

@@ -36,6 +36,15 @@ class FittedValue:
             return self
         return FittedValue(self.value, min(self.low, other.low), max(self.high, other.high), self.unit)
 
+    def is_apart(self, other: "FittedValue") -> bool:
+        """Whether both intervals are known and have no value in common."""
+        if self.low is None or self.high is None or other.low is None or other.high is None:
+            return False
+        return self.high < other.low or other.high < self.low
+
+    def __str__(self) -> str:
+        return f"{self.value:.3g}" + (f" {self.unit}" if self.unit not in ("", "1") else "")
+
     def to_json(self) -> dict[str, Any]:
         return {"value": self.value, "low": self.low, "high": self.high, "unit": self.unit}
 
