@@ -121,6 +121,12 @@ def test_sets_are_simulated_until_the_evidence_is_decided_and_anew_where_the_fit
     def refitted(lab, reference, *_, **__):
         return Fitted(reference, reference.camera, *np.ones((3, 1)))
 
+    def follow(lab, fitted, report):
+        ends.append(len(fitted.reference.sets))
+        return fitted
+
+    ends = []
+    monkeypatch.setattr(adding, "followed", follow)
     for module in (adding, fit):
         monkeypatch.setattr(module, "make_reference", reference)
         monkeypatch.setattr(module, "refit", refitted)
@@ -136,6 +142,7 @@ def test_sets_are_simulated_until_the_evidence_is_decided_and_anew_where_the_fit
     after = begun.completed(before, drift, sketch)
     assert [count for count, *_ in made] == few + many
     assert made[len(few)][1] is sketch.fitted.reference  # its sets are reused
+    assert ends == [30, *many]  # each fit is followed to its end
     assert after.accepted == ("light_drift",)
 
 

@@ -176,7 +176,8 @@ def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
 
     monkeypatch.setattr(adding, "make_reference", reference)
     monkeypatch.setattr(adding.Adding, "_refitted", lambda self, begun, near: begun)
-    monkeypatch.setattr(adding, "settled", lambda lab, fitted, *_: fitted)
+    for name in ("settled", "followed"):
+        monkeypatch.setattr(adding, name, lambda lab, fitted, *_: fitted)
     both = leaving([0, 0, 0, 25], veiled["flare and trail"], "lens_flare", "charge_transfer_inefficiency")
     camera = veiled["veil"].replace({"veiling_glare.width_px": 14.0})
     alone = leaving([300, 200, 90, 40], camera, "veiling_glare")
@@ -201,7 +202,8 @@ def test_an_effect_is_left_out_with_its_own_numbers_and_what_it_explained(veiled
     monkeypatch.setattr(adding, "make_reference", reference)
     after = leaving([20, 2, 0, 0], veiled["trail"], "charge_transfer_inefficiency")
     monkeypatch.setattr(adding.Adding, "_refitted", lambda *_: after.fitted)
-    monkeypatch.setattr(adding, "settled", lambda lab, fitted, *_: fitted)
+    for name in ("settled", "followed"):
+        monkeypatch.setattr(adding, name, lambda lab, fitted, *_: fitted)
     plain = leaving([300, 200, 0, 0], veiled["trail"])
     both = leaving([0, 0, 0, 0], veiled["flare and trail"], "lens_flare", "charge_transfer_inefficiency")
     simulating = adding.Adding(None, None, (), None)  # pyrefly: ignore[bad-argument-type]

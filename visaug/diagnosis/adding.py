@@ -10,7 +10,7 @@ from visaug.camera import Camera
 from visaug.diagnosis.candidates.refinement import Refined
 from visaug.diagnosis.candidates.trials import Trial, exchanged
 from visaug.diagnosis.criterion import SHARE, Evidence, evidence
-from visaug.diagnosis.fitting.fit import Fitted, is_apart, refit, settled
+from visaug.diagnosis.fitting.fit import Fitted, followed, is_apart, refit, settled
 from visaug.diagnosis.fitting.parameters import (
     Coordinate,
     effect_coordinates,
@@ -87,7 +87,8 @@ class Adding:
         if len(known.sets) >= sets or state.scatters:
             return state
         reference = make_reference(self.lab, known.camera, known.coordinates, sets, self.report, begun=known)
-        return replace(state, fitted=refit(self.lab, reference, self.report, begin=state.fitted.camera))
+        fitted = refit(self.lab, reference, self.report, begin=state.fitted.camera)
+        return replace(state, fitted=followed(self.lab, fitted, self.report))
 
     def is_hopeless(self, state: State, candidate: Refined, sketch: State) -> bool:
         """Whether few simulated sets exclude a candidate: its strength is fitted, and it explains little."""
@@ -244,12 +245,14 @@ class Adding:
         """A camera, simulated and refitted. Derivatives of a neighbouring state and sets that exist are reused.
 
         Args:
-            settle: whether the reference is simulated anew if the fit ends far from it.
+            settle: whether the fit is followed to its end, and the reference simulated anew if that is far from it.
         """
         known = near.fitted.reference
         reference = make_reference(self.lab, camera, coordinates, sets, self.report, known, begun)
         fitted = self._refitted(reference, near.fitted)
-        return settled(self.lab, fitted, sets, self.report, known) if settle else fitted
+        if not settle:
+            return fitted
+        return followed(self.lab, settled(self.lab, fitted, sets, self.report, known), self.report)
 
     def _refitted(self, reference: Reference, near: Fitted) -> Fitted:
         """The best of three fits, started from the candidate's camera, the camera as given, and the earlier effects' parameters.

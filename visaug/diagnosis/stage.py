@@ -13,7 +13,7 @@ from visaug.diagnosis.candidates.trials import Trial
 from visaug.diagnosis.chance import chance
 from visaug.diagnosis.choice import Judged
 from visaug.diagnosis.fitting.errors import Errors
-from visaug.diagnosis.fitting.fit import Fitted, followed
+from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.reference import Reference, Report
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.response import with_responses
@@ -69,11 +69,7 @@ class Setting:
         )
 
     def tested(self, state: State) -> tuple[State, float]:
-        """A state whose fit is followed to its end, with its responses, and the p-value.
-
-        It is simulated by as many sets as its test of adequacy takes.
-        """
-        state = replace(state, fitted=followed(self.lab, state.fitted, self.report))
+        """A state, by as many simulated sets as its test of adequacy takes, with responses of its fit, and the p-value."""
         test = chance(self.lab, self.signs, state)
         if not test.is_decided:
             state = self.adding.grown(state, self.adding.sets)

@@ -168,21 +168,25 @@ def _descended(
 
     Args:
         closely: whether more simulations follow the mean, and what their noise adds to the objective function is subtracted.
+            They are the last ones, whose noise is not that of the derivatives: with the same noise in both, the fit would
+            follow the truth by less than it should.
     """
     measured = lab.measured[0].values
     coordinates, priors = list(reference.coordinates), reference.priors
     steps = np.array([c.step for c in coordinates])
     start = np.array([c.read(reference.camera) for c in coordinates])
-    twins = min(CLOSELY if closely else STEPPED, len(reference.sets))
+    count = len(reference.sets)
+    numbers = np.arange(max(count - CLOSELY, 0), count) if closely else np.arange(min(STEPPED, count))
     noise_of_slopes = np.zeros(len(start)) if reference.noise is None else reference.noise
 
     def met(there: Camera) -> tuple[float, np.ndarray, Camera, np.ndarray]:
         place, mean, by_noise = np.array([c.read(there) for c in coordinates]), reference.mean, 0.0
         if there is not reference.camera:
-            moves = lab.finding([(there, k) for k in range(twins)]) - reference.sets[:twins]
+            moves = lab.finding([(there, int(k)) for k in numbers]) - reference.sets[numbers]
             mean = mean + moves.mean(0)
             if closely:
-                by_noise = added_by_noise(measured - mean, reference.scale, moves.var(0, ddof=1) / twins)
+                noise = moves.var(0, ddof=1) / len(numbers)
+                by_noise = added_by_noise(measured - mean, reference.scale, noise)
         return misfit(measured - mean, reference.scale) - by_noise, place, there, mean
 
     def point_at(place: np.ndarray) -> tuple[float, np.ndarray, Camera, np.ndarray]:
@@ -252,7 +256,9 @@ def _descended(
         alone = point_at(at + np.clip(step, -0.6 * priors, 0.6 * priors))
         best = min(best, alone, key=lambda fit: fit[0])
     _, at, camera, _ = best
-    means, noise, error = _means_at(lab, reference, camera)
+    means, noise, error = _means_at(
+        lab, reference, camera, numbers if closely else np.arange(min(TWINS, count))
+    )
     last = step_from(at, means[0])  # what the derivatives still promise; damped where a longer step was worse
     camera = moved(camera, coordinates, list(at + last)) if coordinates else camera
     left = (
@@ -275,24 +281,23 @@ def _promised(reference: Reference, left: np.ndarray, step: np.ndarray, closely:
 
 
 def _means_at(
-    lab: Laboratory, reference: Reference, camera: Camera
+    lab: Laboratory, reference: Reference, camera: Camera, numbers: np.ndarray
 ) -> tuple[list[np.ndarray], float, np.ndarray]:
-    """Mean statistics of each use of the frames at a camera, with the random numbers of the reference's first sets.
+    """Mean statistics of each use of the frames at a camera, with the random numbers of some of the reference's sets.
 
     Also the noise that this adds to residuals and to coordinates, see `Fitted`.
     """
     samples = [getattr(reference, use) for use in USES]
     if camera is reference.camera:
         return [sample.mean for sample in samples], 0.0, np.zeros(len(reference.coordinates))
-    twins = min(TWINS, len(reference.sets))
-    there = lab.simulated([(camera, k) for k in range(twins)])
+    there = lab.simulated([(camera, int(k)) for k in numbers])
     means = [
-        sample.mean + values.mean(0) - sample.sets[:twins].mean(0)
+        sample.mean + values.mean(0) - sample.sets[numbers].mean(0)
         for sample, values in zip(samples, there, strict=True)
     ]
-    moves = there[0] - reference.sets[:twins]
-    errors = moves.std(0, ddof=1) / np.sqrt(twins)
-    steps = reference.refitted(moves - moves.mean(0)).std(0, ddof=1) / np.sqrt(twins)
+    moves = there[0] - reference.sets[numbers]
+    errors = moves.std(0, ddof=1) / np.sqrt(len(numbers))
+    steps = reference.refitted(moves - moves.mean(0)).std(0, ddof=1) / np.sqrt(len(numbers))
     return means, float((standardised(errors, reference.scale) ** 2).mean()), steps
 
 
