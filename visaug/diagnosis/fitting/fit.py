@@ -285,20 +285,31 @@ def _means_at(
 ) -> tuple[list[np.ndarray], float, np.ndarray]:
     """Mean statistics of each use of the frames at a camera, with the random numbers of some of the reference's sets.
 
-    Also the noise that this adds to residuals and to coordinates, see `Fitted`.
+    Also the noise that this adds to residuals and to coordinates, see `Fitted`. More sets are simulated where the noise of
+    these takes more than `UNKEPT` of the log likelihood, unless it is so much that the reference is to be simulated anew.
     """
     samples = [getattr(reference, use) for use in USES]
     if camera is reference.camera:
         return [sample.mean for sample in samples], 0.0, np.zeros(len(reference.coordinates))
-    there = lab.simulated([(camera, int(k)) for k in numbers])
-    means = [
-        sample.mean + values.mean(0) - sample.sets[numbers].mean(0)
-        for sample, values in zip(samples, there, strict=True)
-    ]
-    moves = there[0] - reference.sets[numbers]
-    errors = moves.std(0, ddof=1) / np.sqrt(len(numbers))
-    steps = reference.refitted(moves - moves.mean(0)).std(0, ddof=1) / np.sqrt(len(numbers))
-    return means, float((standardised(errors, reference.scale) ** 2).mean()), steps
+
+    def moved_by(these: np.ndarray) -> list[np.ndarray]:
+        there = lab.simulated([(camera, int(k)) for k in these])
+        return [values - sample.sets[these] for sample, values in zip(samples, there, strict=True)]
+
+    def noise_of(moves: np.ndarray) -> np.ndarray:
+        return standardised(moves.std(0, ddof=1) / np.sqrt(len(moves)), reference.scale) ** 2
+
+    moves = moved_by(numbers)
+    noise = noise_of(moves[0])
+    if noise.mean() < NOISY and noise.sum() / 2 > UNKEPT:
+        count, every = int(len(numbers) * noise.sum() / 2 / UNKEPT), np.arange(len(reference.sets))
+        more = np.setdiff1d(every, numbers)[: max(count - len(numbers), 0)]
+        moves = [np.vstack(both) for both in zip(moves, moved_by(more), strict=True)]
+        noise = noise_of(moves[0])
+    left = moves[0] - moves[0].mean(0)
+    steps = reference.refitted(left).std(0, ddof=1) / np.sqrt(len(left))
+    means = [sample.mean + own.mean(0) for sample, own in zip(samples, moves, strict=True)]
+    return means, float(noise.mean()), steps
 
 
 def _to_bias_level(lab: Laboratory, reference: Reference, left: np.ndarray) -> np.ndarray | None:
