@@ -1,5 +1,6 @@
 """Refits a camera to measured statistics."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -301,9 +302,9 @@ def _means_at(
 
     moves = moved_by(numbers)
     noise = noise_of(moves[0])
-    if noise.mean() < NOISY and noise.sum() / 2 > UNKEPT:
-        count, every = int(len(numbers) * noise.sum() / 2 / UNKEPT), np.arange(len(reference.sets))
-        more = np.setdiff1d(every, numbers)[: max(count - len(numbers), 0)]
+    wanted = math.ceil(len(numbers) * noise.sum() / 2 / UNKEPT)
+    more = np.setdiff1d(np.arange(len(reference.sets)), numbers)[: max(wanted - len(numbers), 0)]
+    if more.size and noise.mean() < NOISY:
         moves = [np.vstack(both) for both in zip(moves, moved_by(more), strict=True)]
         noise = noise_of(moves[0])
     left = moves[0] - moves[0].mean(0)
