@@ -23,7 +23,8 @@ from visaug.statistics import Statistic
 
 STEPPED = 4  # simulations with common random numbers that follow the mean on the way,
 CLOSELY = 16  # where a fit is followed closely,
-TWINS = 6  # and where it ends
+TWINS = 6  # and where it ends, or as many as
+LOST = 0.5  # log likelihood is to be lost by their noise at most
 FAR_BLACK = 3.0  # steps of the black level after which it is first set by the bias frames' mean
 PROMISED = 0.25  # log likelihood; a step for which the derivatives promise less is not simulated
 ITERATIONS = 12
@@ -287,7 +288,7 @@ def _means_at(
     """Mean statistics of each use of the frames at a camera, with the random numbers of some of the reference's sets.
 
     Also the noise that this adds to residuals and to coordinates, see `Fitted`. More sets are simulated where the noise of
-    these takes more than `UNKEPT` of the log likelihood, unless it is so much that the reference is to be simulated anew.
+    these takes more than `LOST` of the log likelihood, unless it is so much that the reference is to be simulated anew.
     """
     samples = [getattr(reference, use) for use in USES]
     if camera is reference.camera:
@@ -302,7 +303,7 @@ def _means_at(
 
     moves = moved_by(numbers)
     noise = noise_of(moves[0])
-    wanted = math.ceil(len(numbers) * noise.sum() / 2 / UNKEPT)
+    wanted = math.ceil(len(numbers) * noise.sum() / 2 / LOST)
     more = np.setdiff1d(np.arange(len(reference.sets)), numbers)[: max(wanted - len(numbers), 0)]
     if more.size and noise.mean() < NOISY:
         moves = [np.vstack(both) for both in zip(moves, moved_by(more), strict=True)]
