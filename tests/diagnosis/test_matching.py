@@ -20,7 +20,6 @@ from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.law import Metric, law, scatter_along
 from visaug.diagnosis.fitting.reference import Null
 from visaug.diagnosis.fitting.robust import shrunk
-from visaug.diagnosis.state import State
 from visaug.effects import catalogue
 
 
@@ -217,13 +216,6 @@ def test_of_two_fits_the_better_keeps_other_values_that_were_read_from_the_frame
     )  # not read from the frames
 
 
-def leaving(residual) -> State:
-    left = np.array(residual, float)
-    reference = SimpleNamespace(null_scale=np.ones(len(left)), coordinates=())
-    own = np.arange(len(left))
-    return State.plain(Fitted(reference, None, left, left, left), (own, own, own))  # pyrefly: ignore[bad-argument-type]
-
-
 def test_other_words_are_tried_first_with_the_numbers_that_were_found(stated, monkeypatch):
     found = stated.with_effect("vignetting", corner_loss=0.17, power=1.8)
     begun: list[dict] = []
@@ -240,11 +232,45 @@ def test_other_words_are_tried_first_with_the_numbers_that_were_found(stated, mo
 
     others = [match(corner_loss=0.3, power=4.0), match(corner_loss=0.3, law="cos4")]
     best = refined("vignetting", found, 60.0, 2.0)
-    fitted = leaving([100, 80, 60, 0]).fitted
+    fitted = states.leaving([100, 80, 60, 0], stated).fitted
     assert selection.from_other_starts(None, fitted, best, others, lambda *_: None, 0.0) is best  # pyrefly: ignore[bad-argument-type]
     first, second = begun
     assert (first["vignetting.law"], first["vignetting.corner_loss"]) == ("cos4", pytest.approx(0.17))
     assert second == {"vignetting.corner_loss": 0.3, "vignetting.power": 4.0}
+
+
+@pytest.mark.parametrize("gain", [55.0, 30.0])
+def test_where_nothing_is_left_other_words_are_tried_once_and_no_other_numbers(stated, monkeypatch, gain):
+    """They may fit as well or better: a power fits a field of cos^4 within the noise, with a wrong loss in the corners."""
+    found = stated.with_effect("vignetting", corner_loss=0.17, power=1.8)
+    natural = refined("vignetting", stated.with_effect("vignetting", corner_loss=0.2, law="cos4"), gain, 2.0)
+    begun: list[tuple[dict, float]] = []
+
+    def refine(lab, fitted, match, *_, least, **__):
+        begun.append((dict(match.trial.values), least))
+        return natural
+
+    monkeypatch.setattr(selection, "refine", refine)
+
+    def match(**values) -> Match:
+        named = tuple((f"vignetting.{key}", value) for key, value in values.items())
+        return Match(Trial("vignetting", named), 9.0, 1.0, np.zeros(4))
+
+    others = [match(corner_loss=0.3, power=4.0), *(match(corner_loss=x, law="cos4") for x in (0.3, 0.08))]
+    best = replace(refined("vignetting", found, 60.0, 2.0), residual=np.zeros(4))
+    fitted = states.leaving([100, 80, 60, 0], stated).fitted
+    kept = selection.from_other_starts(None, fitted, best, others, lambda *_: None, 0.0)  # pyrefly: ignore[bad-argument-type]
+    ((start, least),) = begun  # both trials with cos4 begin with the numbers that were found
+    assert (start["vignetting.law"], start["vignetting.corner_loss"]) == ("cos4", pytest.approx(0.17))
+    assert least == pytest.approx((1 - selection.ALIKE) * 60.0)
+    assert kept.words == best.words
+    assert (kept.otherwise is natural) is (gain > least)
+    # back from words that are not the default ones
+    selection.from_other_starts(
+        None, fitted, replace(natural, residual=np.zeros(4)), others[:1], lambda *_: None, 0.0
+    )  # pyrefly: ignore[bad-argument-type]
+    start, _ = begun[-1]
+    assert (start["vignetting.law"], start["vignetting.corner_loss"]) == ("power", pytest.approx(0.2))
 
 
 def test_the_numbers_of_an_earlier_step_are_a_start_if_they_are_of_the_same_words(stated):

@@ -25,7 +25,7 @@ ALIKE = 0.3  # share of the best gain within which two candidates, or two option
 OTHER_STARTS = 4  # further starts of the best candidate,
 OTHER = 0.05  # with forms whose signatures gain at least this share of the best form's,
 NOT_FAR = 0.3  # iterated if their start gains at least this share
-MUCH = 6.0  # standard deviations in some statistic from which further starts are tried
+MUCH = 6.0  # standard deviations in some statistic from which other values are further starts
 FAR_OUT = 30.0  # standard deviations beyond which even a slightly different form is rejected
 LEAST_GAIN = (
     2.0  # log likelihood, less what noise gains, of effects that are tried only where something is missing
@@ -219,23 +219,32 @@ def from_other_starts(
     report: Report,
     allowance: np.ndarray | float,
 ) -> Refined:
-    """The best fit of an effect from starts of another form, if residuals stay: a wrong period or place is a local optimum.
+    """The best fit of an effect from starts of another form.
 
-    Other options are tried first, with the values found so far, since no continuous step leads from one option to another.
+    Other options are tried first, with the values found so far, since no continuous step leads from one option to another. Where
+    residuals stay, so are other values: a wrong period or place is a local optimum. Where none stay, an option that does not
+    start about as well is not iterated: it is sought as one that these frames do not tell from the first.
 
     Args:
         refined: the effect from its best match.
         others: the effect's matches of other forms, the best first.
     """
-    reworded = [(_reworded(fitted, refined, m), m) for m in others]
-    words = [worded for worded, _ in reworded if worded is not None]
-    numbers = [m for worded, m in reworded if worded is None]
-    for m in [*words, *numbers][:OTHER_STARTS]:
+    words: dict[tuple, Match] = {}
+    numbers: list[Match] = []
+    for m in others:
+        worded = _reworded(fitted, refined, m)
+        if worded is not None:
+            words.setdefault(worded.trial.values, worded)
+        if worded is None or not _named(m.trial):
+            numbers.append(m)
+    for k, m in enumerate([*words.values(), *numbers][:OTHER_STARTS]):
         scale = fitted.reference.null_scale
         own = np.where(scale > 0, np.sqrt(scale**2 + refined.variance), 0.0)
-        if np.abs(standardised(refined.residual, own)).max() < MUCH:
+        is_left = np.abs(standardised(refined.residual, own)).max() >= MUCH
+        if not is_left and k >= len(words):
             break
-        again = refine(lab, fitted, m, report, allowance, refined.gain, least=NOT_FAR * refined.gain)
+        least = (NOT_FAR if is_left else 1 - ALIKE) * refined.gain
+        again = refine(lab, fitted, m, report, allowance, refined.gain, least=least)
         refined = better(refined, again)
     return refined
 
@@ -254,14 +263,21 @@ def better(one: Refined, other: Refined) -> Refined:
 
 
 def _reworded(fitted: Fitted, refined: Refined, other: Match) -> Match | None:
-    """The refined candidate with the options of another trial; None if they are the same."""
+    """The refined candidate with the options of another trial; None if they are the same.
+
+    A trial that names none has the default ones.
+    """
     camera, words = refined.camera, refined.words
-    others = {path: word for path, word in other.trial.values if isinstance(word, str)}
-    if all(words.get(path, word) == word for path, word in others.items()):
+    default = {path: word for path, word in other.trial.on(fitted.camera).choices().items() if path in words}
+    others = {**words, **(_named(other.trial) or default)}
+    if others == words:
         return None
     own = [c for c in fitted.reference.coordinates if not c.path.startswith(f"{refined.effect}.")]
     following = tuple((c.path, c.read(camera) - c.read(fitted.camera)) for c in own)
-    trial = replace(
-        other.trial, values=tuple({**refined.numbers, **words, **others}.items()), following=following
-    )
+    trial = replace(other.trial, values=tuple({**refined.numbers, **others}.items()), following=following)
     return Match(trial, other.gain, 1.0, refined.variance)
+
+
+def _named(trial: Trial) -> dict[str, str]:
+    """The options that a trial names."""
+    return {path: word for path, word in trial.values if isinstance(word, str)}
