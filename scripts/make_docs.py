@@ -71,12 +71,8 @@ def page(effect: type[Effect], span: str) -> str:
         else f"None: {effect.why_not}.",
         "",
     ]
-    texts = (
-        ("How to distinguish it from similar effects", effect.separates),
-        ("What estimates take for granted", effect.assumes),
-    )
-    for heading, text in texts:
-        lines += [f"## {heading}", "", f"{text[0].upper()}{text[1:]}.", ""] if text else []
+    if text := effect.separates:
+        lines += ["## How to distinguish it from similar effects", "", f"{text[0].upper()}{text[1:]}.", ""]
     settings = ", ".join(f"{name} {value:g}" for name, value in pictures.shown(effect).items())
     colours = f"blue to red: -{span} to {span} {pictures.unit(effect)}"
     at = f" ({settings})" if settings and not effect.base else ""

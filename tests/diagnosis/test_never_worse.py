@@ -78,8 +78,8 @@ def test_effects_are_ambiguous_while_one_is_accepted_and_another_is_not(accepted
     assert outcome._is_open({"dust", "fringing"}, end) is is_open  # pyrefly: ignore[bad-argument-type]
 
 
-def test_what_an_accepted_effect_takes_for_granted_is_told_in_a_warning():
-    (warning,) = outcome.assumed(["row_noise", "veiling_glare"])
-    assert warning.startswith(
-        "assumed: veiling_glare: beyond the frame the scene goes on as its mirror image"
-    )
+def test_a_parameter_that_is_considered_and_not_fitted_is_told_in_a_warning(stated):
+    camera = stated.with_effect("row_noise", sigma_e=1.0).with_effect("veiling_glare", surround=0.5)
+    (warning,) = outcome.not_fitted(leaving([0.0], camera, "row_noise", "veiling_glare"))
+    assert warning.startswith("considered: veiling_glare.surround (light beyond the frame")
+    assert "not fitted: 0.5 with a standard deviation of 1," in warning

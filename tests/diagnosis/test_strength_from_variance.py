@@ -72,7 +72,9 @@ def test_an_estimate_that_follows_half_the_strength_is_reported_as_twice_as_far_
     reference = SimpleNamespace(
         coordinates=(), spread_steps=np.zeros((9, 0)), undetermined=nothing, priors=nothing
     )
-    fitted = SimpleNamespace(camera=camera, reference=reference, simulation_error=nothing, response=1.0)
+    fitted = SimpleNamespace(
+        camera=camera, reference=reference, simulation_error=nothing, by_considered=0.0, response=1.0
+    )
     told = VarianceStrength(1.2, np.geomspace(0.9, 1.1, 9), (SIGMA,), in_variance=True, answer=0.5)
     state = State(fitted, ("light_drift",), None, None, (told,))  # pyrefly: ignore[bad-argument-type]
     assert state.camera.values()["light_drift.sigma"] == pytest.approx(0.01 * 1.2**2)

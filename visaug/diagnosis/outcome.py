@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import expit
 
+from visaug.diagnosis.considered import considered, considering
 from visaug.diagnosis.fitting.robust import p_value, standardised
 from visaug.diagnosis.outside import log_odds_outside
 from visaug.diagnosis.ranking import other_maximum, refitted
@@ -16,7 +17,6 @@ from visaug.diagnosis.state import State
 from visaug.diagnosis.telling import cannot_show, form, residue
 from visaug.diagnosis.verdict import Verdict
 from visaug.diagnosis.verdicts import verdicts
-from visaug.effects import catalogue
 from visaug.statistics.distance import is_clear
 from visaug.statistics.places import places
 from visaug.statistics.tail import SIGNIFICANT
@@ -33,8 +33,9 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
     p_given = p_value(float(np.abs(z).max()), first.largest_as_given)
     p_before = history[0].p_value
     end, steps = kept(setting, history, p_given)
-    earlier = [stage.standing[0] for stage in history[:-1] if stage.standing]
-    end = replace(end, ranked=refitted(end.ranked, earlier, end.state))
+    end = replace(end, state=considering(lab, end.state))
+    chosen = [stage.standing[0] for stage in history if stage.standing]
+    end = replace(end, ranked=refitted(end.ranked, chosen, end.state))
     significant = p_given <= SIGNIFICANT or p_before <= SIGNIFICANT
     excess = bool(end.state.accepted) or (significant and is_clear(end.error))
     statistics = lab.measured[2].statistics
@@ -63,7 +64,7 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
             *rises(steps),
             *erratic(end, effects),
             *several_maxima(history, end.state),
-            *assumed(end.state.accepted),
+            *not_fitted(end.state),
         ),
         effects=effects,
         errors=setting.errors,
@@ -132,11 +133,14 @@ def several_maxima(history: History, end: State) -> list[str]:
     ]
 
 
-def assumed(accepted: Sequence[str]) -> list[str]:
-    """A warning for each accepted effect whose intervals do not contain what its estimates take for granted."""
-    effects = [catalogue()[name] for name in accepted]
+def not_fitted(state: State) -> list[str]:
+    """A warning for each parameter of an accepted effect that is kept at its value and whose uncertainty the intervals contain."""
+    values = state.camera.values()
     return [
-        f"assumed: {e.name}: {e.assumes}, which its intervals do not contain" for e in effects if e.assumes
+        f"considered: {path} ({p.source}) is not fitted: {values[path]:g} with a standard deviation of {p.unknown:g}, which the "
+        f"intervals of {effect} contain"
+        for effect in state.accepted
+        for path, p in considered(effect).items()
     ]
 
 

@@ -114,10 +114,10 @@ def other_maximum(one: Judged, end: State) -> str | None:
     return f"{', '.join(there)} as with {', '.join(here)}" if here else None
 
 
-def refitted(ranked: Ranks, earlier: Sequence[Judged], end: State) -> Ranks:
-    """With the parameters of effects that were accepted earlier as they are in the last camera, beside the later ones."""
+def refitted(ranked: Ranks, chosen: Sequence[Judged], end: State) -> Ranks:
+    """With the parameters of accepted effects as they are in the last camera, beside the later ones."""
     found = dict(ranked)
-    for one in earlier:
+    for one in chosen:
         name = one.refined.effect
         if name in end.accepted:
             found[name] = replace(found[name], parameters=_with_those(name, end, one.otherwise))

@@ -87,8 +87,9 @@ class State:
         """All fitted parameters and their uncertainty.
 
         Returns the coordinates, their steps in refits of (R,) simulated sets (R, coordinates), and the standard deviation
-        (coordinates,) of what the frames do not determine and of the fit's simulations. Steps are NaN in sets that do not
-        determine one: an effect whose strength is estimated from variance can have more sets than the state.
+        (coordinates,) of what the frames do not determine, of the fit's simulations, and of what is considered and not fitted.
+        Steps are NaN in sets that do not determine one: an effect whose strength is estimated from variance can have more sets
+        than the state.
         """
         reference = self.fitted.reference
         scattering = [c for s in self.scatters for c in s.strengths]
@@ -103,6 +104,7 @@ class State:
             reference.undetermined, self.fitted.simulation_error / np.maximum(response, ANSWERS)
         )
         own = np.hypot(np.where(response >= ANSWERS, by_frames, 0.0), by_priors)
+        own = np.hypot(own, self.fitted.by_considered)
         undetermined = np.concatenate([own, *(s.undetermined for s in self.scatters)])
         return (*reference.coordinates, *scattering), steps, undetermined
 

@@ -143,7 +143,7 @@ CONDITIONS = {
 }
 
 
-TEXTS = ("summary", "equation", "source", "why_not", "separates", "assumes", "map_unit")
+TEXTS = ("summary", "equation", "source", "why_not", "separates", "map_unit")
 
 
 def _as_value(value: float, like: Tensor) -> Tensor:
@@ -193,8 +193,6 @@ class Effect:
         stepwise: True if the output moves in steps, so that only its expectation has a derivative.
         base: True for the terms of the base chain, whose parameters are at the top level of a camera file.
         separates: the measurement that distinguishes this effect from similar ones, in words (optional).
-        assumes: what its estimates take for granted and their intervals do not contain, in words; a diagnosis that names the
-            effect warns of it.
         proposed: whether a diagnosis tries the effect; effects of stage PICTURE are never tried, as frames do not contain them.
         map_unit: unit of a measured map that may replace the spatial profile and strength of the effect (`map: file` in a
             camera file, `context.measured_map` in `apply`); empty if it accepts none.
@@ -215,7 +213,6 @@ class Effect:
     stepwise: ClassVar[bool] = False
     base: ClassVar[bool] = False
     separates: ClassVar[str] = ""
-    assumes: ClassVar[str] = ""
     proposed: ClassVar[bool] = True
     map_unit: ClassVar[str] = ""
     map_low: ClassVar[float] = float("-inf")

@@ -27,6 +27,8 @@ class Parameter:
         integer: True if only whole numbers are allowed; random draws are rounded.
         of: options of the effect's categorical parameters with which this number is used; empty means all. A fit does not vary
             it with other options.
+        unknown: standard deviation of a number that a fit keeps at its value, being one of many that would describe what is not
+            known; the intervals of other parameters contain it.
 
     Examples:
         >>> from visaug.effects import Effect, Parameter, Stage
@@ -49,6 +51,7 @@ class Parameter:
     options: tuple[str, ...] = ()
     integer: bool = False
     of: tuple[str, ...] = ()
+    unknown: float = 0.0
     name: str = field(default="", compare=False)
 
     def __set_name__(self, owner: type, name: str) -> None:

@@ -5,6 +5,7 @@ import pytest
 import torch
 from scipy.integrate import quad
 from scipy.ndimage import correlate1d, gaussian_filter
+from scipy.signal import fftconvolve
 from scipy.stats import norm
 
 from visaug.effects.optics import spread
@@ -104,6 +105,7 @@ def test_gaussian_veil_is_scipys(run_effect):
 
 
 KERNELS = {
+    "gaussian": lambda r, w: np.exp(-(r**2) / (2 * w**2)) / (2 * np.pi * w**2),
     "exponential": lambda r, w: np.exp(-r / w) / (2 * np.pi * w**2),
     "power_law": lambda r, w: w / (2 * np.pi * (r**2 + w**2) ** 1.5),
 }
@@ -129,6 +131,33 @@ def test_halo_of_a_point_has_the_stated_profile(run_effect, profile):
     far = np.hypot(y - 40, x - 50) > 3
     missing = 2e-2 if profile == "power_law" else 0  # sources beyond the sixth, of a slowly falling kernel
     np.testing.assert_allclose(out[far], expected[far], rtol=2e-2 + missing, atol=2)
+
+
+@pytest.mark.parametrize("profile", KERNELS)
+def test_with_a_black_surround_no_light_returns(run_effect, profile):
+    rows, columns = SCENE.shape[-2:]
+    y, x = np.mgrid[1 - rows : rows, 1 - columns : columns]
+    kernel = KERNELS[profile](np.hypot(y, x), 6.0)
+    out = run_effect("veiling_glare", SCENE, share=0.2, width_px=6.0, profile=profile, surround=0.0)
+    for image, veiled in zip(SCENE[:, 0].double().numpy(), out[:, 0].double().numpy(), strict=True):
+        own = fftconvolve(image, kernel)[rows - 1 : 2 * rows - 1, columns - 1 : 2 * columns - 1]
+        np.testing.assert_allclose(veiled, 0.8 * image + 0.2 * own, rtol=1e-4, atol=0.05)
+
+
+def test_light_of_the_surround_adds_to_that_of_the_frame(run_effect):
+    """Half of the light at an edge comes from beyond it, three quarters in a corner."""
+    flat = torch.full((3, 1, 80, 100), 1000.0)
+    surround = torch.tensor([0.0, 0.5, 2.0]).view(3, 1, 1, 1)
+    out = run_effect(
+        "veiling_glare", flat, share=0.1, width_px=10.0, profile="gaussian", surround=surround
+    ).double()
+    inside = 0.5 + 0.5 / (
+        10.0 * np.sqrt(2 * np.pi)
+    )  # the first pixel's middle is half a pixel within the edge
+    for s, image in zip((0.0, 0.5, 2.0), out[:, 0], strict=True):
+        for place, part in (((0, 50), inside), ((0, 0), inside**2), ((40, 50), 1.0)):
+            expected = 900 + 100 * (part + s * (1 - part))
+            assert float(image[place]) == pytest.approx(expected, abs=0.1)
 
 
 def test_ghost_lies_across_the_centre_and_carries_its_share(run_effect):

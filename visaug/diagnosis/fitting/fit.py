@@ -47,6 +47,7 @@ class Fitted:
         noise: variance that following the mean from the reference to the camera adds to residuals, as a share of their own.
             Lost bits answer a step by chance, so that a few sets with common random numbers do not tell it.
         simulation_error: (coordinates,) standard error of the fit that this noise causes.
+        by_considered: (coordinates,) the same by parameters that are not fitted, see `visaug.diagnosis.considered`.
         response: (coordinates,) how far the fit follows a true change of each parameter, see `visaug.diagnosis.response`.
     """
 
@@ -57,6 +58,7 @@ class Fitted:
     whole_residual: np.ndarray
     noise: float = 0.0
     simulation_error: np.ndarray | float = 0.0
+    by_considered: np.ndarray | float = 0.0
     response: np.ndarray | float = 1.0
 
     @classmethod

@@ -9,6 +9,7 @@ from visaug.diagnosis.adding import SETS_AFTER, Adding
 from visaug.diagnosis.candidates.selection import candidates
 from visaug.diagnosis.candidates.signatures import resolved, scanned, signatures
 from visaug.diagnosis.candidates.trials import looked, trials
+from visaug.diagnosis.considered import considering
 from visaug.diagnosis.fitting.errors import Errors
 from visaug.diagnosis.fitting.fit import Fitted, refit, settled
 from visaug.diagnosis.fitting.reference import Reference, Report, make_reference
@@ -74,6 +75,7 @@ class Fits:
     def fit(self, without: Names, added: Names, report: Report) -> CameraFit:
         """The camera file without some of its own effects and with others added, in this order."""
         state = with_responses(self.lab, self._state(without, added, report), report)
+        state = considering(self.lab, state)
         plain = self._state((), (), report)
         fitted, reference = state.fitted, state.fitted.reference
         left = Distance(

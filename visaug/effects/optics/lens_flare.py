@@ -27,8 +27,6 @@ class LensFlare(Effect):
     separates = (
         """place a bright source at several positions: ghosts move opposite to it, veiling glare does not"""
     )
-    assumes = """beyond the frame the scene goes on as its mirror image; other light there changes the share
-    and the width of the halo by tens of per cent"""
     ghost_share = Strength(
         0.01, "fraction", 0.0, 0.5, "uncoated surfaces reflect 4 % each", trials=(0.01, 0.05)
     )
@@ -39,10 +37,19 @@ class LensFlare(Effect):
     halo_profile = Parameter("exponential", options=PROFILES, source="as for veiling_glare")
     threshold_photons = Parameter(0.0, "photons", 0.0, 1e9, "only light above it flares; 0: all light")
 
+    surround = Parameter(
+        1.0,
+        "1",
+        0.0,
+        100.0,
+        "of the halo: light beyond the frame over that of the scene's mirror image; 0: black",
+        unknown=1.0,
+    )
+
     @once_for_equals
     def apply(self, signal, p, stream, context):
         source = (signal - p.threshold_photons).clamp_min(0)
-        flare = p.halo_share * (halo(source, p.halo_width_px, p.halo_profile) - source)
+        flare = p.halo_share * (halo(source, p.halo_width_px, p.halo_profile, p.surround) - source)
         flare = flare - p.ghost_share * source
         blurred = gaussian_blur(source, p.ghost_blur_px, p.ghost_blur_px)
         ghosts = ((1.0, 0.7), (1.8, 0.3))  # size relative to `ghost_scale`, and share of the ghosts' light

@@ -88,11 +88,11 @@ def _convolve(signal: Tensor, kernel: Tensor) -> Tensor:
     return F.conv2d(flat, kernel, groups=batch * channels).view_as(signal)
 
 
-def halo(signal: Tensor, width_px: Tensor, profile: str) -> Tensor:
+def halo(signal: Tensor, width_px: Tensor, profile: str, surround: Tensor) -> Tensor:
     """All light of (B, C, H, W) spread by a kernel without end.
 
-    The frame's edges mirror, so the total is kept and a flat stays flat. Cosines are the mirrored frame's
-    own modes.
+    Beyond the frame the light is that of its mirror image times `surround`. With 1 as much light enters as leaves, so that the
+    total is kept and a flat stays flat; with 0 the surround is black. Cosines are the mirrored frame's own modes.
 
     Profiles, of unit volume, with their transfer functions of the frequency f in cycles/px:
         gaussian     exp(-r^2 / 2w^2) / (2 pi w^2)       exp(-2 (pi w f)^2)
@@ -107,7 +107,31 @@ def halo(signal: Tensor, width_px: Tensor, profile: str) -> Tensor:
         transfer = (1 + scaled**2) ** -1.5
     else:
         transfer = torch.exp(-scaled)
-    return filtered(signal, transfer)
+    mirrored = filtered(signal, transfer)
+    may_differ = surround.requires_grad or surround.is_cuda or torch.compiler.is_compiling()
+    if may_differ or bool((surround != 1).any()):
+        return surround * mirrored + (1 - surround) * _own_halo(signal, width_px, profile)
+    return mirrored
+
+
+def _own_halo(signal: Tensor, width_px: Tensor, profile: str) -> Tensor:
+    """The same with a black surround: a Fourier transform of twice the size, over which no light returns."""
+    rows, columns = signal.shape[-2:]
+
+    def away(count: int) -> Tensor:  # squared distance from the first pixel, the nearest way round
+        along = torch.arange(2 * count, device=signal.device, dtype=signal.dtype)
+        return torch.minimum(along, 2 * count - along) ** 2
+
+    r2 = away(rows).view(1, 1, -1, 1) + away(columns)
+    if profile == "gaussian":
+        kernel = torch.exp(-r2 / (2 * width_px**2)) / (2 * math.pi * width_px**2)
+    elif profile == "exponential":
+        kernel = torch.exp(-r2.sqrt() / width_px) / (2 * math.pi * width_px**2)
+    else:
+        kernel = width_px / (2 * math.pi * (r2 + width_px**2) ** 1.5)
+    size = (2 * rows, 2 * columns)
+    product = torch.fft.rfft2(signal, s=size) * torch.fft.rfft2(kernel)
+    return torch.fft.irfft2(product, s=size)[..., :rows, :columns].clamp_min(0)
 
 
 def frequencies(signal: Tensor) -> tuple[Tensor, Tensor]:

@@ -1,0 +1,45 @@
+"""Uncertainty of fitted parameters by what no frame tells and no fit can describe, such as the light beyond the frame.
+
+Such a parameter is considered and not fitted (S. F. Schmidt, Adv. Control Syst. 3 (1966) 293): it keeps its value, and its
+standard deviation is propagated to the parameters that are fitted. A fit of it would take one of many possible forms for the
+truth, and give intervals that are too narrow.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from visaug.camera import Camera
+from visaug.diagnosis.laboratory import Laboratory
+from visaug.diagnosis.state import State
+from visaug.effects import Parameter, catalogue
+
+SETS = 8  # simulated sets of a camera with another value, with common random numbers
+
+
+def considered(effect: str) -> dict[str, Parameter]:
+    """The parameters of an effect that are kept at their values in a fit and taken as unknown, by path."""
+    return {f"{effect}.{key}": p for key, p in catalogue()[effect].parameters.items() if p.unknown > 0}
+
+
+def considering(lab: Laboratory, state: State) -> State:
+    """The state with the uncertainty that its fitted parameters have by considered ones of the accepted effects."""
+    fitted = state.fitted
+    numbers = range(min(SETS, len(fitted.reference.sets)))
+    moved = [
+        lab.finding([(there, k) for k in numbers]) - lab.finding([(fitted.camera, k) for k in numbers])
+        for there in _elsewhere(fitted.camera, state.accepted)
+    ]
+    if not moved:
+        return state
+    steps = fitted.reference.refitted(np.array([shifts.mean(0) for shifts in moved]))
+    return replace(state, fitted=replace(fitted, by_considered=np.sqrt((steps**2).sum(0))))
+
+
+def _elsewhere(camera: Camera, effects: tuple[str, ...]) -> Iterator[Camera]:
+    """The camera with each considered parameter of these effects one standard deviation away, within its bounds."""
+    for path, p in (pair for effect in effects for pair in considered(effect).items()):
+        value = camera.values()[path]
+        lower = value - p.unknown
+        yield camera.replace({path: lower if lower >= p.low else value + p.unknown})
