@@ -265,12 +265,6 @@ def test_where_nothing_is_left_other_words_are_tried_once_and_no_other_numbers(s
     assert least == pytest.approx((1 - selection.ALIKE) * 60.0)
     assert kept.words == best.words
     assert (kept.otherwise is natural) is (gain > least)
-    # back from words that are not the default ones
-    selection.from_other_starts(
-        None, fitted, replace(natural, residual=np.zeros(4)), others[:1], lambda *_: None, 0.0
-    )  # pyrefly: ignore[bad-argument-type]
-    start, _ = begun[-1]
-    assert (start["vignetting.law"], start["vignetting.corner_loss"]) == ("power", pytest.approx(0.2))
 
 
 def test_the_numbers_of_an_earlier_step_are_a_start_if_they_are_of_the_same_words(stated):

@@ -233,10 +233,10 @@ def from_other_starts(
     numbers: list[Match] = []
     for m in others:
         worded = _reworded(fitted, refined, m)
-        if worded is not None:
-            words.setdefault(worded.trial.values, worded)
-        if worded is None or not _named(m.trial):
+        if worded is None:
             numbers.append(m)
+        else:
+            words.setdefault(worded.trial.values, worded)
     for k, m in enumerate([*words.values(), *numbers][:OTHER_STARTS]):
         scale = fitted.reference.null_scale
         own = np.where(scale > 0, np.sqrt(scale**2 + refined.variance), 0.0)
@@ -263,21 +263,14 @@ def better(one: Refined, other: Refined) -> Refined:
 
 
 def _reworded(fitted: Fitted, refined: Refined, other: Match) -> Match | None:
-    """The refined candidate with the options of another trial; None if they are the same.
-
-    A trial that names none has the default ones.
-    """
+    """The refined candidate with the options of another trial; None if they are the same."""
     camera, words = refined.camera, refined.words
-    default = {path: word for path, word in other.trial.on(fitted.camera).choices().items() if path in words}
-    others = {**words, **(_named(other.trial) or default)}
-    if others == words:
+    others = {path: word for path, word in other.trial.values if isinstance(word, str)}
+    if all(words.get(path, word) == word for path, word in others.items()):
         return None
     own = [c for c in fitted.reference.coordinates if not c.path.startswith(f"{refined.effect}.")]
     following = tuple((c.path, c.read(camera) - c.read(fitted.camera)) for c in own)
-    trial = replace(other.trial, values=tuple({**refined.numbers, **others}.items()), following=following)
+    trial = replace(
+        other.trial, values=tuple({**refined.numbers, **words, **others}.items()), following=following
+    )
     return Match(trial, other.gain, 1.0, refined.variance)
-
-
-def _named(trial: Trial) -> dict[str, str]:
-    """The options that a trial names."""
-    return {path: word for path, word in trial.values if isinstance(word, str)}
