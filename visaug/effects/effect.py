@@ -374,7 +374,7 @@ class Spreading(Effect):
 
     local = False
 
-    def moments(self, mean, p, context):
+    def moments(self, mean: Tensor, p: Values, context: Context) -> tuple[Tensor, Tensor] | None:
         return mean, torch.zeros_like(mean)
 
 

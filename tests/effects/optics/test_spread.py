@@ -1,5 +1,7 @@
 """Light where it does not belong: blur, veil, flare."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import torch
@@ -8,6 +10,7 @@ from scipy.ndimage import correlate1d, gaussian_filter
 from scipy.signal import fftconvolve
 from scipy.stats import norm
 
+from visaug.effects import catalogue
 from visaug.effects.optics import spread
 
 torch.manual_seed(5)
@@ -142,6 +145,13 @@ def test_with_a_black_surround_no_light_returns(run_effect, profile):
     for image, veiled in zip(SCENE[:, 0].double().numpy(), out[:, 0].double().numpy(), strict=True):
         own = fftconvolve(image, kernel)[rows - 1 : 2 * rows - 1, columns - 1 : 2 * columns - 1]
         np.testing.assert_allclose(veiled, 0.8 * image + 0.2 * own, rtol=1e-4, atol=0.05)
+
+
+def test_moments_are_those_of_a_flat_only_where_the_scene_goes_on_alike():
+    glare, mean = catalogue()["veiling_glare"](), torch.full((1, 1, 4, 4), 1000.0)
+    alike, black = (SimpleNamespace(surround=torch.full((1, 1, 1, 1), s)) for s in (1.0, 0.0))
+    assert glare.moments(mean, alike, None)[0] is mean
+    assert glare.moments(mean, black, None) is None
 
 
 def test_light_of_the_surround_adds_to_that_of_the_frame(run_effect):

@@ -39,3 +39,6 @@ class VeilingGlare(Spreading):
     @once_for_equals
     def apply(self, signal, p, stream, context):
         return signal + p.share * (halo(signal, p.width_px, p.profile, p.surround) - signal)
+
+    def moments(self, mean, p, context):
+        return super().moments(mean, p, context) if bool((p.surround == 1).all()) else None
