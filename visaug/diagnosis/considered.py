@@ -1,8 +1,8 @@
-"""Uncertainty of fitted parameters by what no frame tells and no fit can describe, such as the light beyond the frame.
+"""Uncertainty of fitted parameters by one that is not fitted, such as the light beyond the frame.
 
-Such a parameter is considered and not fitted (S. F. Schmidt, Adv. Control Syst. 3 (1966) 293): it keeps its value, and its
-standard deviation is propagated to the parameters that are fitted. A fit of it would take one of many possible forms for the
-truth, and give intervals that are too narrow.
+It is considered (S. F. Schmidt, Adv. Control Syst. 3 (1966) 293): it keeps its value, and its standard deviation is propagated to
+the parameters that are fitted. A fit would take the best of its values for the truth where none of them is, since the light beyond
+the frame is no multiple of the mirror image, and flats have another than scenes; the intervals would be too narrow.
 """
 
 from collections.abc import Iterator
