@@ -16,12 +16,21 @@ from visaug.camera import Camera, draw
 from visaug.camera.paths import path_of
 from visaug.core.errors import InputError
 from visaug.core.sampling import Stream
-from visaug.effects import Effect, Parameter, Stage, catalogue, load_file
+from visaug.effects import Effect, Parameter, Stage, catalogue, load_file, registered
 from visaug.effects.testing import LAWS, LawBroken, broken_laws, check_effect, instruments
 
-OWN = load_file(Path(__file__).with_name("own_effect.py"))
-EFFECTS = list(catalogue().values())
+with (
+    registered()
+):  # for these laws alone: tests of other folders take what the catalogue has when they are collected
+    OWN = load_file(Path(__file__).with_name("own_effect.py"))
+    EFFECTS = list(catalogue().values())
 WITH_NUMBERS = [effect for effect in EFFECTS if any(not p.options for p in effect.parameters.values())]
+
+
+@pytest.fixture(autouse=True)
+def _with_own():
+    with registered(*OWN):
+        yield
 
 
 def every(effects, **kwargs):
