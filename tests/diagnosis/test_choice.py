@@ -138,6 +138,25 @@ def test_nothing_is_accepted_if_the_most_probable_candidate_falls_short(monkeypa
     assert "light_drift" in [r.effect for r in one.others]
 
 
+class Unproven(Stated):
+    """Evidence that reaches what the effect would explain as the cause, and whose parameters cost more."""
+
+    @property
+    def odds(self) -> float:
+        return ODDS - 1
+
+
+def test_one_that_is_refused_for_its_odds_alone_stands_back(monkeypatch, stated):
+    """An uneven light of four numbers explains more than a vignetting of one, and is less probable than nothing missing."""
+    simulations = Simulations({"light_drift": Unproven(500.0), "row_noise": Stated(20.0)})
+    one = chosen(monkeypatch, stated, simulations)
+    assert one is not None
+    assert [j.refined.effect for j in one.standing] == ["row_noise"]
+    assert chosen(monkeypatch, stated, Simulations({"light_drift": Unproven(500.0)})) is None
+    short = Simulations({"light_drift": Unproven(500.0, share=0.3), "row_noise": Stated(20.0)})
+    assert chosen(monkeypatch, stated, short) is None
+
+
 @pytest.mark.parametrize(
     ("refused", "against", "odds"),
     [

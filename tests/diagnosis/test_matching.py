@@ -267,6 +267,33 @@ def test_where_nothing_is_left_other_words_are_tried_once_and_no_other_numbers(s
     assert (kept.otherwise is natural) is (gain > least)
 
 
+def test_effects_are_tried_at_the_strength_that_deviating_statistics_ask_for(stated):
+    """A vignetting of 8 % moves a flat out of saturation, which one of a tenth of it does not: no other trial would be like it."""
+    fitted = states.leaving([10.0, 8.0, -6.0, 0.5, 0.0], stated).fitted
+
+    def trial(path, value, *more):
+        return Trial(path.split(".")[0], ((path, value), *more))
+
+    rows = [
+        (trial("vignetting.corner_loss", 0.08), [100, 80, -60, 0, 8000]),
+        (
+            trial("vignetting.corner_loss", 0.08, ("vignetting.law", "cos4")),
+            [100, 60, -60, 0, 8000],
+        ),  # fits less well
+        (trial("row_parity.offset_e", 0.3), [-40, -32, 24, 500, 0]),  # of either sign
+        (trial("smear.transfer_s", 1e-5), [-40, -32, 24, 0, 0]),  # against the deviations
+        (trial("image_lag.share", 0.01), [0, 3, 3, 300, 0]),  # would explain little
+        (trial("column_noise.sigma_e", 1.0), [9, 7, -5, 0, 0]),  # needs no other strength
+        (trial("blooming.share", 0.1), [100, 80, -60, 0, 0]),  # left out
+    ]
+    signs = Signatures(tuple(t for t, _ in rows), np.array([z for _, z in rows], float), np.zeros((7, 5)))
+    loss, offset = selection.asked(signs, fitted, frozenset({"blooming"}))
+    assert (loss.effect, loss.by_name) == ("vignetting", {"corner_loss": pytest.approx(0.008)})
+    assert (offset.effect, offset.by_name) == ("row_parity", {"offset_e": pytest.approx(-0.075)})
+    nothing = states.leaving([1.0, -2.0, 0.0, 0.0, 0.0], stated).fitted
+    assert selection.asked(signs, nothing, frozenset()) == []
+
+
 def test_the_numbers_of_an_earlier_step_are_a_start_if_they_are_of_the_same_words(stated):
     """Bands fitted before a flare was there: where they lie has not changed since."""
     found = refined("vignetting", stated.with_effect("vignetting", corner_loss=0.17, power=1.8), 50.0, 2.0)
@@ -362,7 +389,7 @@ def test_a_blur_of_which_a_weak_trial_matches_best_is_brought_near(stated, monke
 
     monkeypatch.setattr(selection, "first_matches", first)
     monkeypatch.setattr(selection, "signatures", simulated)
-    fitted = SimpleNamespace(camera=stated, reference=None)
+    fitted = SimpleNamespace(camera=stated, reference=None, z=np.zeros(4))
     begun = simulated(None, None, [trial(0.2)], None)
     signs = selection.sharpened(None, begun, fitted, frozenset(), 0.0, lambda *_: None)  # pyrefly: ignore[bad-argument-type]
     tried = [t.by_name["sigma_px"] for t in signs.trials]
@@ -388,7 +415,7 @@ def test_a_faint_blur_is_sought_above_the_strengths_that_show_nothing(stated, mo
     monkeypatch.setattr(selection, "first_matches", first)
     monkeypatch.setattr(selection, "signatures", simulated)
     begun = simulated(None, None, [trial(0.2)], None)
-    fitted = SimpleNamespace(camera=stated, reference=None)
+    fitted = SimpleNamespace(camera=stated, reference=None, z=np.zeros(4))
     signs = selection.sharpened(None, begun, fitted, frozenset(), 0.0, lambda *_: None)  # pyrefly: ignore[bad-argument-type]
     assert min(abs(np.log(scale(t))) for t in signs.trials if light(t)) < NEAR_ENOUGH
 

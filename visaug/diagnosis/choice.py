@@ -60,7 +60,8 @@ def accepted(state: State, found: Sequence[Refined], adding: Adding) -> Accepted
     """The most probable candidate, if the criterion accepts the one with the largest score; None otherwise.
 
     Candidates are simulated a few at a time, the largest gain first, until the one with the largest score so far is accepted. If
-    it is refused, so are all others: part of what it explains would pass for theirs.
+    it is refused since it falls short of what it would explain as the cause, so are all others: part of what it explains would
+    pass for theirs. One that is refused for its odds alone, having more parameters than the frames tell, stands back for others.
 
     Args:
         found: candidates, the largest gain first.
@@ -83,7 +84,8 @@ def accepted(state: State, found: Sequence[Refined], adding: Adding) -> Accepted
                 if one.evidence.accepts and one.evidence.score > best.evidence.score - ODDS
             ]
             tried.append(replace(best, otherwise=alike[0]) if alike else best)
-        first = max(tried, key=lambda one: one.evidence.score)
+        proven = [one for one in tried if one.evidence.accepts or not one.evidence.is_reached]
+        first = max(proven or tried, key=lambda one: one.evidence.score)
         if first.evidence.accepts:
             return _chosen(state, first, tried, found)
     return None
