@@ -284,9 +284,10 @@ def test_effects_are_tried_at_the_strength_that_deviating_statistics_ask_for(sta
         (trial("smear.transfer_s", 1e-5), [-40, -32, 24, 0, 0]),  # against the deviations
         (trial("image_lag.share", 0.01), [0, 3, 3, 300, 0]),  # would explain little
         (trial("column_noise.sigma_e", 1.0), [9, 7, -5, 0, 0]),  # needs no other strength
+        (trial("point_spread.sigma_px", 0.2), [1, 1, -1, 0, 0]),  # a stronger one
         (trial("blooming.share", 0.1), [100, 80, -60, 0, 0]),  # left out
     ]
-    signs = Signatures(tuple(t for t, _ in rows), np.array([z for _, z in rows], float), np.zeros((7, 5)))
+    signs = Signatures(tuple(t for t, _ in rows), np.array([z for _, z in rows], float), np.zeros((8, 5)))
     loss, offset = selection.asked(signs, fitted, frozenset({"blooming"}))
     assert (loss.effect, loss.by_name) == ("vignetting", {"corner_loss": pytest.approx(0.008)})
     assert (offset.effect, offset.by_name) == ("row_parity", {"offset_e": pytest.approx(-0.075)})

@@ -116,7 +116,7 @@ def sharpened(
 
 
 def asked(signs: Signatures, fitted: Fitted, taken: frozenset[str]) -> list[Trial]:
-    """Of each effect, the trial that fits the deviating statistics best, at the strength that these ask for.
+    """Of each effect, the trial that fits the deviating statistics best, at the weaker strength that these ask for.
 
     At its own strength a trial may change others most, and match nothing: a vignetting of 8 % brings a flat out of saturation, one
     of 0.5 % does not. Effects that would explain less than `SHARE` of the deviations are left out.
@@ -132,7 +132,7 @@ def asked(signs: Signatures, fitted: Fitted, taken: frozenset[str]) -> list[Tria
             continue
         if gain > max(best.get(trial.effect, (0.0,))[0], SHARE * float((fitted.z[off] ** 2).sum())):
             best[trial.effect] = float(gain), float(scale), trial
-    return [trial.times(scale) for _, scale, trial in best.values() if abs(np.log(abs(scale))) > NEAR_ENOUGH]
+    return [trial.times(scale) for _, scale, trial in best.values() if np.log(abs(scale)) < -NEAR_ENOUGH]
 
 
 def _point(match: Match, start: Trial) -> tuple[float, float] | None:
