@@ -8,10 +8,11 @@ import pytest
 
 from visaug.diagnosis.considered import considered, considering
 from visaug.diagnosis.fitting.fit import Fitted
-from visaug.diagnosis.fitting.parameters import effect_coordinates
+from visaug.diagnosis.fitting.parameters import effect_coordinates, place_is_held
 from visaug.diagnosis.fitting.reference import Reference, SimulatedStatistics
 from visaug.diagnosis.result import estimates
 from visaug.diagnosis.state import State
+from visaug.effects import Parameter
 
 SHARE, WIDTH, SURROUND = np.eye(3)[:, :, None] * np.full(
     20, 40.0
@@ -72,3 +73,10 @@ def test_nothing_is_simulated_for_effects_that_were_not_accepted(stated):
     state = state_of(stated, ())
     assert state.fitted.by_considered == 0.0
     assert considered("row_noise") == {}
+
+
+def test_a_considered_parameter_is_never_fitted():
+    """Fitted as well, it would take up its own change, and nothing would be left for the others."""
+    for own in (Parameter(1.0, unknown=1.0, trials=(0.2,)), Parameter(1.0, unknown=1.0, strength=True)):
+        assert place_is_held(own)
+        assert not place_is_held(replace(own, unknown=0.0))

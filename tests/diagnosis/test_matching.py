@@ -276,10 +276,8 @@ def test_effects_are_tried_at_the_strength_that_deviating_statistics_ask_for(sta
 
     rows = [
         (trial("vignetting.corner_loss", 0.08), [100, 80, -60, 0, 8000]),
-        (
-            trial("vignetting.corner_loss", 0.08, ("vignetting.law", "cos4")),
-            [100, 60, -60, 0, 8000],
-        ),  # fits less well
+        # fits less well
+        (trial("vignetting.corner_loss", 0.08, ("vignetting.law", "cos4")), [100, 60, -60, 0, 8000]),
         (trial("row_parity.offset_e", 0.3), [-40, -32, 24, 500, 0]),  # of either sign
         (trial("smear.transfer_s", 1e-5), [-40, -32, 24, 0, 0]),  # against the deviations
         (trial("image_lag.share", 0.01), [0, 3, 3, 300, 0]),  # would explain little

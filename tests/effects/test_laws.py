@@ -19,9 +19,8 @@ from visaug.core.sampling import Stream
 from visaug.effects import Effect, Parameter, Stage, catalogue, load_file, registered
 from visaug.effects.testing import LAWS, LawBroken, broken_laws, check_effect, instruments
 
-with (
-    registered()
-):  # for these laws alone: tests of other folders take what the catalogue has when they are collected
+# Tests of other folders take what the catalogue has when they are collected: the own effect is for these laws alone.
+with registered():
     OWN = load_file(Path(__file__).with_name("own_effect.py"))
     EFFECTS = list(catalogue().values())
 WITH_NUMBERS = [effect for effect in EFFECTS if any(not p.options for p in effect.parameters.values())]

@@ -12,7 +12,7 @@ from visaug.camera.paths import path_of
 from visaug.core.recurrent import Recurrent
 from visaug.core.sampling import Stream
 from visaug.effects import Context, Effect, Stage
-from visaug.effects.effect import Values, output_of
+from visaug.effects.effect import Values, is_surely, output_of
 
 # In the paper's reading shot noise strikes the photons, before quantum efficiency and PRNU (eqs. 8 to 10).
 PAPER_ORDER = {"photon_shot_noise": (Stage.OPTICS, 1000)}
@@ -142,9 +142,11 @@ def _applied(effect: Effect, signal: Tensor, under: Conditions) -> Tensor:
 
 
 def _vanishes(effect: Effect, under: Conditions) -> bool:
-    """Whether an effect has no strength at these values."""
+    """Whether an effect has no strength at these values; one that is being fitted from zero still takes part."""
     strengths = [] if effect.name in under.context.maps else effect.strengths()
-    return bool(strengths) and all(_is_zero(under.values[path_of(effect.name, name)]) for name in strengths)
+    return bool(strengths) and all(
+        is_surely(under.values[path_of(effect.name, name)], 0.0) for name in strengths
+    )
 
 
 def parameters_of(effect: Effect, under: Conditions) -> Values:
@@ -154,10 +156,3 @@ def parameters_of(effect: Effect, under: Conditions) -> Values:
         path = path_of(effect.name, name)
         setattr(own, name, under.choices[path] if parameter.options else under.values[path])
     return own
-
-
-def _is_zero(value: Tensor) -> bool:
-    """True where an effect has no strength anywhere; one that is being fitted from zero still takes part."""
-    if value.requires_grad or value.is_cuda or torch.compiler.is_compiling():
-        return False
-    return not bool(value.any())

@@ -84,8 +84,8 @@ def accepted(state: State, found: Sequence[Refined], adding: Adding) -> Accepted
                 if one.evidence.accepts and one.evidence.score > best.evidence.score - ODDS
             ]
             tried.append(replace(best, otherwise=alike[0]) if alike else best)
-        proven = [one for one in tried if one.evidence.accepts or not one.evidence.is_reached]
-        first = max(proven or tried, key=lambda one: one.evidence.score)
+        ahead = [one for one in tried if one.evidence.accepts or not one.evidence.is_reached]
+        first = max(ahead or tried, key=lambda one: one.evidence.score)
         if first.evidence.accepts:
             return _chosen(state, first, tried, found)
     return None

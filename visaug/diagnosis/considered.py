@@ -27,13 +27,12 @@ def considering(lab: Laboratory, state: State) -> State:
     """The state with the uncertainty that its fitted parameters have by considered ones of the accepted effects."""
     fitted = state.fitted
     numbers = range(min(SETS, len(fitted.reference.sets)))
-    moved = [
-        lab.finding([(there, k) for k in numbers]) - lab.finding([(fitted.camera, k) for k in numbers])
-        for there in _elsewhere(fitted.camera, state.accepted)
-    ]
-    if not moved:
+    elsewhere = list(_elsewhere(fitted.camera, state.accepted))
+    if not elsewhere:
         return state
-    steps = fitted.reference.refitted(np.array([shifts.mean(0) for shifts in moved]))
+    here = lab.finding([(fitted.camera, k) for k in numbers])
+    shifts = [(lab.finding([(there, k) for k in numbers]) - here).mean(0) for there in elsewhere]
+    steps = fitted.reference.refitted(np.array(shifts))
     return replace(state, fitted=replace(fitted, by_considered=np.sqrt((steps**2).sum(0))))
 
 

@@ -146,6 +146,16 @@ CONDITIONS = {
 TEXTS = ("summary", "equation", "source", "why_not", "separates", "map_unit")
 
 
+def is_surely(value: Tensor, number: float) -> bool:
+    """Whether a parameter is this number in every image, so that what it would change need not be computed.
+
+    False where telling would cost more than computing: of a value on a GPU, or while compiling. Also for one with a gradient.
+    """
+    if value.requires_grad or value.is_cuda or torch.compiler.is_compiling():
+        return False
+    return bool((value == number).all())
+
+
 def _as_value(value: float, like: Tensor) -> Tensor:
     """A number in the form in which the chain passes it to an effect."""
     return torch.as_tensor(value, dtype=torch.float32, device=like.device).reshape(1, 1, 1, 1)

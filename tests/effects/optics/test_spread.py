@@ -161,9 +161,8 @@ def test_light_of_the_surround_adds_to_that_of_the_frame(run_effect):
     out = run_effect(
         "veiling_glare", flat, share=0.1, width_px=10.0, profile="gaussian", surround=surround
     ).double()
-    inside = 0.5 + 0.5 / (
-        10.0 * np.sqrt(2 * np.pi)
-    )  # the first pixel's middle is half a pixel within the edge
+    # the middle of the first pixel is half a pixel within the edge
+    inside = 0.5 + 0.5 * norm.pdf(0, scale=10.0)
     for s, image in zip((0.0, 0.5, 2.0), out[:, 0], strict=True):
         for place, part in (((0, 50), inside), ((0, 0), inside**2), ((40, 50), 1.0)):
             expected = 900 + 100 * (part + s * (1 - part))

@@ -124,13 +124,14 @@ def asked(signs: Signatures, fitted: Fitted, taken: frozenset[str]) -> list[Tria
     off = np.abs(fitted.z) > OUTLIER
     if not off.any():
         return []
-    shapes = standardised(signs.values, fitted.reference.null_scale)[:, off]
-    along, squares = shapes @ fitted.z[off], np.maximum((shapes**2).sum(1), 1e-12)
+    shapes, deviations = standardised(signs.values, fitted.reference.null_scale)[:, off], fitted.z[off]
+    along, squares = shapes @ deviations, np.maximum((shapes**2).sum(1), 1e-12)
+    least = SHARE * float((deviations**2).sum())
     best: dict[str, tuple[float, float, Trial]] = {}
     for trial, scale, gain in zip(signs.trials, along / squares, along**2 / squares, strict=True):
         if trial.effect in taken or trial.looked or trial.is_fixed or not (scale > 0 or trial.is_signed):
             continue
-        if gain > max(best.get(trial.effect, (0.0,))[0], SHARE * float((fitted.z[off] ** 2).sum())):
+        if gain > best.get(trial.effect, (least,))[0]:
             best[trial.effect] = float(gain), float(scale), trial
     return [trial.times(scale) for _, scale, trial in best.values() if np.log(abs(scale)) < -NEAR_ENOUGH]
 

@@ -197,5 +197,5 @@ def is_of(path: str, effect: str) -> bool:
 
 
 def place_is_held(parameter: Parameter) -> bool:
-    """Whether a parameter is set by the user and not fitted: no strength, and without trial values."""
-    return not parameter.strength and not parameter.trials
+    """Whether a parameter is set by the user and not fitted: no strength, and without trial values, or one that is considered."""
+    return parameter.unknown > 0 or not (parameter.strength or parameter.trials)

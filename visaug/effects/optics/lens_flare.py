@@ -36,7 +36,6 @@ class LensFlare(Effect):
     halo_width_px = Parameter(8.0, "px", 3.0, 1e3, "decay length", trials=(5.0, 15.0, 50.0, 150.0))
     halo_profile = Parameter("exponential", options=PROFILES, source="as for veiling_glare")
     threshold_photons = Parameter(0.0, "photons", 0.0, 1e9, "only light above it flares; 0: all light")
-
     surround = Parameter(
         1.0,
         "1",

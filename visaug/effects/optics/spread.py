@@ -8,7 +8,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from visaug.effects.effect import Values
+from visaug.effects.effect import Values, is_surely
 
 PROFILES = ("gaussian", "exponential", "power_law")
 
@@ -108,10 +108,9 @@ def halo(signal: Tensor, width_px: Tensor, profile: str, surround: Tensor) -> Te
     else:
         transfer = torch.exp(-scaled)
     mirrored = filtered(signal, transfer)
-    may_differ = surround.requires_grad or surround.is_cuda or torch.compiler.is_compiling()
-    if may_differ or bool((surround != 1).any()):
-        return surround * mirrored + (1 - surround) * _own_halo(signal, width_px, profile)
-    return mirrored
+    if is_surely(surround, 1.0):
+        return mirrored
+    return surround * mirrored + (1 - surround) * _own_halo(signal, width_px, profile)
 
 
 def _own_halo(signal: Tensor, width_px: Tensor, profile: str) -> Tensor:

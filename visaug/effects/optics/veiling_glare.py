@@ -26,7 +26,6 @@ class VeilingGlare(Spreading):
     profile = Parameter(
         "exponential", options=PROFILES, source="width_px is its sigma, decay length or core radius"
     )
-
     surround = Parameter(
         1.0,
         "1",

@@ -1,9 +1,7 @@
 """Read noise."""
 
-import torch
-
 from visaug.core.sampling.tukey_lambda import standard_deviation_tensor
-from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice
+from visaug.effects.effect import Effect, Parameter, Stage, Strength, choice, is_surely
 
 # A random number of 32 bits ends at a tail of p = 2^-33. Beyond it lies a share of the variance that grows as the shape falls,
 # 2 p^(2L + 1) / (L^2 (2L + 1) var): 0.3 % here, so that the standard deviation is 0.2 % short at most; 2 % at -0.4.
@@ -44,7 +42,7 @@ class ReadNoise(Effect):
     def apply(self, signal, p, stream, context):
         signal = signal + _sigma(signal, p, context) * stream.tukey_lambda(p.shape)
         after = p.after_gain_dn
-        if after.requires_grad or after.is_cuda or torch.compiler.is_compiling() or bool(after.any()):
+        if not is_surely(after, 0.0):
             signal = signal + after * context.gain_e_per_dn * stream.fork("after gain").normal()
         return signal
 
