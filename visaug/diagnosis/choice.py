@@ -1,7 +1,9 @@
 """Choice between refined candidates: the most probable one, if the criterion accepts it."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -9,7 +11,9 @@ from visaug.camera.paths import place_of
 from visaug.diagnosis.adding import Adding
 from visaug.diagnosis.candidates.refinement import Refined
 from visaug.diagnosis.criterion import ODDS, Evidence, between, evidence
+from visaug.diagnosis.result import FittedValue, estimates
 from visaug.diagnosis.state import State
+from visaug.effects import catalogue
 
 CLOSE = 0.25  # share of the best gain within which candidates are rivals
 RIVALS = 3  # number of rivals that are simulated together
@@ -36,6 +40,44 @@ class Judged:
             values[c.path] == 0 for c in self.refined.coordinates if place_of(c.path).parameter.strength
         )
 
+    @cached_property
+    def becomes(self) -> str | None:
+        """An effect of which this one is a special case as far as these frames tell: they do not show what sets it apart."""
+        effect, camera = self.refined.effect, self.state.camera
+        told = estimates(effect, camera, *self.state.numbers)
+        for name, parameter in catalogue()[effect].parameters.items():
+            if parameter.becomes is not None:
+                value, other = parameter.becomes
+                if _holds(
+                    told.get(name, FittedValue(camera.values()[f"{effect}.{name}"], None, None)), value
+                ):
+                    return other
+        return None
+
+    @property
+    def accepts(self) -> bool:
+        """Whether the criterion accepts the effect, and the frames show what sets it apart from others."""
+        return self.evidence.accepts and self.becomes is None
+
+    def stands_before(self, named: Collection[str]) -> bool:
+        """Whether one with a smaller score cannot be named: this one is accepted, or what it explains is none of theirs.
+
+        Args:
+            named: effects that are accepted.
+        """
+        if self.evidence.accepts:
+            return self.becomes is None or self.becomes not in named
+        return not self.evidence.is_reached
+
+
+def _holds(told: FittedValue, value: float) -> bool:
+    """Whether the 95 % interval of a fitted parameter holds a value. That of a logarithm holds 0 if it spans a factor of e."""
+    if told.low is None or told.high is None:
+        return told.value == value
+    if value == 0 < told.low:
+        return math.log(told.high / told.low) > 2
+    return told.low <= value <= told.high
+
 
 @dataclass(frozen=True)
 class Accepted:
@@ -61,7 +103,8 @@ def accepted(state: State, found: Sequence[Refined], adding: Adding) -> Accepted
 
     Candidates are simulated a few at a time, the largest gain first, until the one with the largest score so far is accepted. If
     it is refused since it falls short of what it would explain as the cause, so are all others: part of what it explains would
-    pass for theirs. One that is refused for its odds alone, having more parameters than the frames tell, stands back for others.
+    pass for theirs. So are they if it is refused since the frames do not show what sets it apart, all but the effect that it is
+    then. One that is refused for its odds alone, having more parameters than the frames tell, stands back for others.
 
     Args:
         found: candidates, the largest gain first.
@@ -75,18 +118,15 @@ def accepted(state: State, found: Sequence[Refined], adding: Adding) -> Accepted
             forms = [r] if r.otherwise is None else [r, r.otherwise]
             best, *others = sorted(
                 (_judged(state, form, adding) for form in forms),
-                key=lambda one: (one.evidence.accepts, one.evidence.score),
+                key=lambda one: (one.accepts, one.evidence.score),
                 reverse=True,
             )
-            alike = [
-                one
-                for one in others
-                if one.evidence.accepts and one.evidence.score > best.evidence.score - ODDS
-            ]
+            alike = [one for one in others if one.accepts and one.evidence.score > best.evidence.score - ODDS]
             tried.append(replace(best, otherwise=alike[0]) if alike else best)
-        ahead = [one for one in tried if one.evidence.accepts or not one.evidence.is_reached]
+        named = {one.refined.effect for one in tried if one.accepts}
+        ahead = [one for one in tried if one.stands_before(named)]
         first = max(ahead or tried, key=lambda one: one.evidence.score)
-        if first.evidence.accepts:
+        if first.accepts:
             return _chosen(state, first, tried, found)
     return None
 
@@ -98,7 +138,7 @@ def _chosen(state: State, first: Judged, tried: list[Judged], found: Sequence[Re
     last. A refused one, which explains less than it would as the cause, is a rival too if it is better than nothing and not
     `ODDS` less probable than the accepted one: another cause can move both ratios.
     """
-    standing = [one for one in tried if one.evidence.accepts]
+    standing = [one for one in tried if one.accepts]
     odds = np.array([0.0 if one is first else odds_between(state, one, first) for one in standing])
     beyond = odds.max() if odds.max() > ODDS else 0.0
     odds = np.minimum(odds - beyond, 0.0)
@@ -107,7 +147,7 @@ def _chosen(state: State, first: Judged, tried: list[Judged], found: Sequence[Re
     )
     ranked = [(standing[k], float(odds[k])) for k in order]
     for one in tried:
-        if not one.evidence.accepts and one.evidence.odds > ODDS:
+        if one.becomes is None and not one.accepts and one.evidence.odds > ODDS:
             against = min(odds_between(state, one, ranked[0][0]), 0.0)
             if against > -ODDS:
                 ranked.append((one, against))

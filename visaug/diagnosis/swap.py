@@ -24,13 +24,13 @@ def reconsidered(setting: Setting, history: History) -> History:
         return history
     own, *others = before.standing
     earlier = history[: len(before.state.accepted)]
-    rivals = {j.refined.effect for j in others if j.evidence.accepts}
+    rivals = {j.refined.effect for j in others if j.accepts}
     if last.state.accepted[-1] not in rivals:
         alone = _without(setting, earlier[-1].state, own, last)
         if alone is not None:
             return (*earlier, alone)
     for rival in others:
-        if not rival.evidence.accepts:
+        if not rival.accepts:
             continue
         effect = rival.refined.effect
         if effect == last.state.accepted[-1]:

@@ -28,7 +28,12 @@ class LensFlare(Effect):
         """place a bright source at several positions: ghosts move opposite to it, veiling glare does not"""
     )
     ghost_share = Strength(
-        0.01, "fraction", 0.0, 0.5, "uncoated surfaces reflect 4 % each", trials=(0.01, 0.05)
+        0.01,
+        unit="fraction",
+        high=0.5,
+        trials=(0.01, 0.05),
+        source="uncoated surfaces reflect 4 % each; 0: no ghosts",
+        becomes=(0.0, "veiling_glare"),
     )
     halo_share = Strength(0.02, "fraction", 0.0, 0.5, "a dusty or scratched lens", trials=(0.02, 0.08))
     ghost_scale = Parameter(1.23, "1", 0.3, 5.0, "size of the first ghost", trials=(0.83, 1.57))
