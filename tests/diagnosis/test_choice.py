@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from tests.diagnosis.states import Stated, leaving, refined
@@ -102,30 +103,78 @@ def test_odds_between_pairs_choose_among_those_accepted(monkeypatch, stated):
 
 
 @pytest.mark.parametrize(
-    ("ghosts", "against", "best"),
+    ("gain", "against", "best"),
     [
-        (0.0, 0.0, "veiling_glare"),  # the same camera, with a parameter less
-        (1e-3, 0.0, "lens_flare"),
-        (0.0, -1.0, "lens_flare"),  # more probable all the same
+        (0.0, 0.0, "smear"),  # as probable, with a parameter less
+        (1e-3, 0.0, "tap_mismatch"),
+        (0.0, -1.0, "tap_mismatch"),  # more probable all the same
     ],
 )
 def test_of_two_equally_probable_ones_that_without_an_idle_strength_is_first(
-    monkeypatch, stated, ghosts, against, best
+    monkeypatch, stated, gain, against, best
 ):
-    """A flare without ghosts is a veil."""
-    flare = stated.with_effect("lens_flare", ghost_share=ghosts, halo_share=0.03)
-    shares = [Coordinate(f"lens_flare.{key}", False, 1e-3, 1.0) for key in ("ghost_share", "halo_share")]
+    """Two taps of one gain have a strength more than they need."""
+    taps = stated.with_effect("tap_mismatch", gain=gain, offset_e=2.0)
+    strengths = [Coordinate(f"tap_mismatch.{key}", False, 1e-3, 1.0) for key in ("gain", "offset_e")]
     found = [
-        replace(refined("lens_flare", flare, 60.0), coordinates=tuple(shares)),
-        refined("veiling_glare", stated.with_effect("veiling_glare", share=0.03), 59.0),
+        replace(refined("tap_mismatch", taps, 60.0), coordinates=tuple(strengths)),
+        refined("smear", stated.with_effect("smear"), 59.0),
     ]
-    evidence = {"lens_flare": Stated(60.0), "veiling_glare": Stated(59.0)}
-    simulations = Simulations(evidence, against={"veiling_glare": against})
+    evidence = {"tap_mismatch": Stated(60.0), "smear": Stated(59.0)}
+    simulations = Simulations(evidence, against={"smear": against})
     one = accepted(monkeypatch, stated, simulations, found)
     assert one is not None
     assert one.best.refined.effect == best
-    assert {j.refined.effect for j in one.standing} == {"lens_flare", "veiling_glare"}
+    assert {j.refined.effect for j in one.standing} == {"tap_mismatch", "smear"}
     assert one.odds == pytest.approx([0.0, against])
+
+
+def blinking(stated, **values) -> list[Refined]:
+    rts = stated.with_effect("dark_current_rts", **values)
+    found = [
+        refined("dark_current_rts", rts, 60.0),
+        refined("hot_pixels", stated.with_effect("hot_pixels"), 50.0),
+    ]
+    return [*found, refined("dust", stated.with_effect("dust"), 20.0)]
+
+
+@pytest.mark.parametrize(
+    ("values", "score", "names"),
+    [
+        ({"kept": 0.9}, 40.0, ["dark_current_rts", "hot_pixels"]),
+        ({"kept": 0.99}, 40.0, ["hot_pixels"]),  # no pixel jumps
+        ({"kept": 0.9, "duty": 1.0}, 40.0, ["hot_pixels"]),
+        ({"kept": 0.99}, ODDS - 1, []),  # hot pixels are refused, and what they explain is no dust
+    ],
+)
+def test_an_effect_is_named_only_where_the_frames_show_what_sets_it_apart(
+    monkeypatch, stated, values, score, names
+):
+    evidence = {
+        "dark_current_rts": Stated(90.0),
+        "hot_pixels": Stated(score),
+        "dust": Stated(10.0),
+    }
+    one = accepted(monkeypatch, stated, Simulations(evidence), blinking(stated, **values))
+    assert [j.refined.effect for j in (one.standing if one else ())] == names
+
+
+@pytest.mark.parametrize(
+    ("half", "becomes"),
+    [(0.4, None), (0.6, "veiling_glare")],  # 1.96 relative standard deviations below and above 1
+)
+def test_a_share_that_its_interval_does_not_tell_from_0_sets_nothing_apart(stated, half, becomes):
+    flare = stated.with_effect("lens_flare", ghost_share=0.01, halo_share=0.03)
+    state = leaving([0.0], flare, "lens_flare")
+    coordinates = state.fitted.reference.coordinates
+    own = next(k for k, c in enumerate(coordinates) if c.path == "lens_flare.ghost_share")
+    steps = np.zeros((3, len(coordinates)))
+    steps[:, own] = [-half, 0.0, half]  # of a standard deviation of `half`
+    reference = state.fitted.reference
+    reference.spread_steps = steps  # pyrefly: ignore[read-only]
+    judged = choice.Judged(refined("lens_flare", flare, 60.0), state, Stated(90.0))  # pyrefly: ignore[bad-argument-type]
+    assert judged.becomes == becomes
+    assert judged.accepts is (becomes is None)
 
 
 def test_nothing_is_accepted_if_the_most_probable_candidate_falls_short(monkeypatch, stated):

@@ -145,6 +145,9 @@ def test_the_remaining_difference_is_described_in_words():
         "with signal, exposure or temperature. The largest deviation is row of bias (scene), by 9.0 standard deviations. "
         "smear reduces the error but does not explain it."
     )
+    assert describe(statistics, np.array([9.0, 8.0, 7.0]), "dark_current_rts").description.endswith(
+        " dark_current_rts reduces the error but does not explain it, or only without what sets it apart from hot_pixels."
+    )
     assert set(WORDS) == set(AXES)
 
 

@@ -71,11 +71,17 @@ class Judged:
 
 
 def _holds(told: FittedValue, value: float) -> bool:
-    """Whether the 95 % interval of a fitted parameter holds a value. That of a logarithm holds 0 if it spans a factor of e."""
+    """Whether the 95 % interval of a fitted parameter holds a value.
+
+    Of a logarithm, which has no 0, the interval holds it if it reaches to a factor of e to each side: 1.96 relative standard
+    deviations are more than 1 then.
+    """
+    if math.isclose(told.value, value):
+        return True
     if told.low is None or told.high is None:
-        return told.value == value
+        return False
     if value == 0 < told.low:
-        return math.log(told.high / told.low) > 2
+        return told.high / told.low > math.e**2
     return told.low <= value <= told.high
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from visaug.effects import catalogue
 from visaug.statistics import AXES, Statistic
 
 FAR = 4.5  # standard deviations above which a statistic deviates significantly
@@ -101,7 +102,11 @@ def describe(
         f"({first.view.replace('_', ' ')}), by {size[far[0]]:.1f} standard deviations."
     )
     if nearest:
-        description += f" {nearest} reduces the error but does not explain it."
+        others = {p.becomes[1] for p in catalogue()[nearest].parameters.values() if p.becomes is not None}
+        description += f" {nearest} reduces the error but does not explain it"
+        description += (
+            "".join(f", or only without what sets it apart from {other}" for other in sorted(others)) + "."
+        )
     return Residue(description, axis, grows, worst, nearest)
 
 

@@ -36,14 +36,19 @@ class DarkCurrentRTS(Effect):
     )
     b_per_c = Parameter(0.077, "1/C", 0.0, 0.3, "0.57 eV (Hopkins and Hopkinson): E / (k T^2) at 20 C")
     duty = Parameter(
-        0.5, "1", 0.0, 1.0, "fraction of the time in the upper level", becomes=(1.0, "hot_pixels")
+        0.5,
+        "1",
+        0.0,
+        1.0,
+        "fraction of the time in the upper level; 1: hot pixels",
+        becomes=(1.0, "hot_pixels"),
     )
     kept = Parameter(
         0.8,
         unit="1",
         high=0.99,
         trials=(0.0, 0.8),
-        source="seconds to days (Hopkins and Hopkinson); with the highest hardly any pixel jumps",
+        source="seconds to days (Hopkins and Hopkinson); 0.99: hardly any pixel jumps, as hot pixels",
         becomes=(0.99, "hot_pixels"),
     )
 

@@ -32,7 +32,7 @@ class LensFlare(Effect):
         unit="fraction",
         high=0.5,
         trials=(0.01, 0.05),
-        source="uncoated surfaces reflect 4 % each; 0: no ghosts",
+        source="uncoated surfaces reflect 4 % each; 0: a veiling glare",
         becomes=(0.0, "veiling_glare"),
     )
     halo_share = Strength(0.02, "fraction", 0.0, 0.5, "a dusty or scratched lens", trials=(0.02, 0.08))
