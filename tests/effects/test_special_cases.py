@@ -4,22 +4,19 @@ import torch
 
 from visaug import effects
 from visaug.effects import catalogue
+from visaug.effects.parameter import check_value
 
 
-def test_what_an_effect_becomes_is_in_the_catalogue_and_within_bounds():
-    found = {
-        (name, key): parameter.becomes
-        for name, effect in catalogue().items()
-        for key, parameter in effect.parameters.items()
-        if parameter.becomes is not None
-    }
-    assert {name for name, _ in found} == {"dark_current_rts", "dual_gain", "lens_flare"}
-    for (name, key), (value, other) in found.items():
-        parameter = catalogue()[name].parameters[key]
-        assert parameter.low <= value <= parameter.high
-        assert parameter.default != value
-        assert other in catalogue()
-        assert other != name
+def test_special_cases_are_in_the_catalogue_and_within_bounds():
+    found = {name: effect for name, effect in catalogue().items() if effect.special_cases}
+    assert set(found) == {"column_parity", "dark_current_rts", "lens_flare"}
+    for name, effect in found.items():
+        for case, other in effect.special_cases:
+            assert other in catalogue()
+            assert other != name
+            for key, value in case.items():
+                check_value(effect.parameters[key], value, key)
+            assert any(effect.parameters[key].default != value for key, value in case.items())
 
 
 def test_a_flare_without_ghosts_is_a_veiling_glare():
@@ -43,11 +40,11 @@ def test_defects_that_stay_in_the_upper_level_are_hot_pixels():
         assert abs(first / second - 1) < relative
 
 
-def test_a_dual_gain_without_noise_of_its_own_is_a_curve():
-    """Each level has one value: with noise in the second channel it has many."""
-    levels = torch.linspace(0, 4000, 1600).view(1, 1, 40, 40)
-    curve = effects.DualGain(noise_e=0.0, gain=0.05, seam_e=2000.0)(levels, seed=1)
-    torch.testing.assert_close(curve, effects.DualGain(noise_e=0.0, gain=0.05, seam_e=2000.0)(levels, seed=2))
-    assert (curve.flatten().diff() > 0).all()
-    noisy = effects.DualGain(noise_e=10.0, gain=0.05, seam_e=2000.0)
-    assert not torch.equal(noisy(levels, seed=1), noisy(levels, seed=2))
+def test_two_blocks_of_columns_are_two_taps():
+    """One step in the middle of a frame whose columns have two levels."""
+    dark = torch.zeros(1, 1, 8, 32)
+    blocks = effects.ColumnParity(offset_e=1.5, gain=0.0, channels=2, layout="blocks")(dark, seed=4)
+    taps = [effects.TapMismatch(offset_e=offset, gain=0.0)(dark) for offset in (3.0, -3.0)]
+    assert any(torch.allclose(blocks, one) for one in taps)
+    more = effects.ColumnParity(offset_e=1.5, gain=0.0, channels=4, layout="blocks")(dark, seed=4)
+    assert len(more.unique()) == 4

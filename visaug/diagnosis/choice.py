@@ -45,13 +45,13 @@ class Judged:
         """An effect of which this one is a special case as far as these frames tell: they do not show what sets it apart."""
         effect, camera = self.refined.effect, self.state.camera
         told = estimates(effect, camera, *self.state.numbers)
-        for name, parameter in catalogue()[effect].parameters.items():
-            if parameter.becomes is not None:
-                value, other = parameter.becomes
-                if _holds(
-                    told.get(name, FittedValue(camera.values()[f"{effect}.{name}"], None, None)), value
-                ):
-                    return other
+        values = camera.values() | camera.choices()
+        for case, other in catalogue()[effect].special_cases:
+            if all(
+                _holds(told[key], value) if key in told else values[f"{effect}.{key}"] == value
+                for key, value in case.items()
+            ):
+                return other
         return None
 
     @property
@@ -66,7 +66,7 @@ class Judged:
             named: effects that are accepted.
         """
         if self.evidence.accepts:
-            return self.becomes is None or self.becomes not in named
+            return self.becomes not in named
         return not self.evidence.is_reached
 
 

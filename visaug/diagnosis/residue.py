@@ -102,11 +102,9 @@ def describe(
         f"({first.view.replace('_', ' ')}), by {size[far[0]]:.1f} standard deviations."
     )
     if nearest:
-        others = {p.becomes[1] for p in catalogue()[nearest].parameters.values() if p.becomes is not None}
-        description += f" {nearest} reduces the error but does not explain it"
-        description += (
-            "".join(f", or only without what sets it apart from {other}" for other in sorted(others)) + "."
-        )
+        others = sorted({other for _, other in catalogue()[nearest].special_cases})
+        apart = "".join(f", or only without what sets it apart from {other}" for other in others)
+        description += f" {nearest} reduces the error but does not explain it{apart}."
     return Residue(description, axis, grows, worst, nearest)
 
 

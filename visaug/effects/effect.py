@@ -1,6 +1,7 @@
 """The base class of effects: a name, a place in the chain, parameters with units and bounds, and `apply`."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -203,6 +204,8 @@ class Effect:
         stepwise: True if the output moves in steps, so that only its expectation has a derivative.
         base: True for the terms of the base chain, whose parameters are at the top level of a camera file.
         separates: the measurement that distinguishes this effect from similar ones, in words (optional).
+        special_cases: values of parameters with which the effect is another one, and the name of that. A diagnosis names an
+            effect only where the frames tell its parameters from these values: without that they do not show what sets it apart.
         proposed: whether a diagnosis tries the effect; effects of stage PICTURE are never tried, as frames do not contain them.
         map_unit: unit of a measured map that may replace the spatial profile and strength of the effect (`map: file` in a
             camera file, `context.measured_map` in `apply`); empty if it accepts none.
@@ -223,6 +226,7 @@ class Effect:
     stepwise: ClassVar[bool] = False
     base: ClassVar[bool] = False
     separates: ClassVar[str] = ""
+    special_cases: ClassVar[tuple[tuple[Mapping[str, Any], str], ...]] = ()
     proposed: ClassVar[bool] = True
     map_unit: ClassVar[str] = ""
     map_low: ClassVar[float] = float("-inf")

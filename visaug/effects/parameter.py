@@ -27,8 +27,6 @@ class Parameter:
         integer: True if only whole numbers are allowed; random draws are rounded.
         of: options of the effect's categorical parameters with which this number is used; empty means all. A fit does not vary
             it with other options.
-        becomes: a value, and the effect that this one is there. An effect is named only where the frames tell this parameter from
-            the value: without it they do not show what sets the effect apart.
         unknown: standard deviation of a number that a fit keeps at its value, being one of many that would describe what is not
             known; the intervals of other parameters contain it.
 
@@ -53,7 +51,6 @@ class Parameter:
     options: tuple[str, ...] = ()
     integer: bool = False
     of: tuple[str, ...] = ()
-    becomes: tuple[float, str] | None = None
     unknown: float = 0.0
     name: str = field(default="", compare=False)
 

@@ -28,12 +28,7 @@ class LensFlare(Effect):
         """place a bright source at several positions: ghosts move opposite to it, veiling glare does not"""
     )
     ghost_share = Strength(
-        0.01,
-        unit="fraction",
-        high=0.5,
-        trials=(0.01, 0.05),
-        source="uncoated surfaces reflect 4 % each; 0: a veiling glare",
-        becomes=(0.0, "veiling_glare"),
+        0.01, "fraction", 0.0, 0.5, "uncoated surfaces reflect 4 % each", trials=(0.01, 0.05)
     )
     halo_share = Strength(0.02, "fraction", 0.0, 0.5, "a dusty or scratched lens", trials=(0.02, 0.08))
     ghost_scale = Parameter(1.23, "1", 0.3, 5.0, "size of the first ghost", trials=(0.83, 1.57))
@@ -49,6 +44,7 @@ class LensFlare(Effect):
         "of the halo: light beyond the frame over that of the scene's mirror image; 0: black",
         unknown=1.0,
     )
+    special_cases = (({"ghost_share": 0.0}, "veiling_glare"),)
 
     @once_for_equals
     def apply(self, signal, p, stream, context):

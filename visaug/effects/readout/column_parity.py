@@ -36,6 +36,7 @@ class ColumnParity(Effect):
         2.0, "channels", 2.0, MOST, "2: odd and even columns", integer=True, trials=(2, 4, 8)
     )
     layout = choice(("interleaved", "blocks"), "blocks: taps side by side, as in large CCDs")
+    special_cases = (({"layout": "blocks", "channels": 2}, "tap_mismatch"),)
 
     @classmethod
     def looks(cls, seen):

@@ -24,14 +24,7 @@ class DualGain(Effect):
     a step or a kink; nonlinearity bends smoothly"""
     differentiable = False
     why_not = "which channel a pixel is read from is discrete; the image has gradients within each"
-    noise_e = Strength(
-        10.0,
-        unit="e-",
-        high=1e4,
-        trials=(5.0, 20.0),
-        source="sCMOS: 1.5 e- at high, 30 e- at low gain; 0: a response with a kink",
-        becomes=(0.0, "nonlinearity"),
-    )
+    noise_e = Strength(10.0, "e-", 0.0, 1e4, "sCMOS: 1.5 e- at high, 30 e- at low gain", trials=(5.0, 20.0))
     gain = Strength(0.0, "fraction", -0.5, 0.5, "mismatch; 1 % after calibration", trials=(0.01, 0.04))
     offset_e = Strength(0.0, "e-", -1e4, 1e4, "mismatch at the seam", trials=(5.0, 20.0))
     seam_e = Parameter(1000.0, "e-", 1.0, 1e7, "range of the channel of high gain", trials=(700.0, 3000.0))
