@@ -159,6 +159,16 @@ def test_an_effect_is_named_only_where_the_frames_show_what_sets_it_apart(
     assert [j.refined.effect for j in (one.standing if one else ())] == names
 
 
+def test_a_special_case_of_what_the_camera_has_stands_back(monkeypatch, stated):
+    """Hot pixels whose rates have another law leave what pixels that never jump explain; dust is named all the same."""
+    evidence = {"dark_current_rts": Stated(90.0), "dust": Stated(10.0)}
+    found = [one for one in blinking(stated, kept=0.99) if one.effect != "hot_pixels"]
+    assert accepted(monkeypatch, stated, Simulations(evidence), found) is None
+    one = accepted(monkeypatch, stated.with_effect("hot_pixels"), Simulations(evidence), found)
+    assert one is not None
+    assert [j.refined.effect for j in one.standing] == ["dust"]
+
+
 @pytest.mark.parametrize(
     ("half", "becomes"),
     [(0.4, None), (0.6, "veiling_glare")],  # 1.96 relative standard deviations below and above 1

@@ -43,6 +43,10 @@ ATTRIBUTES = {
     "trials": "sigma_e = Parameter(1.0, trials=3)",
     "trial outside": "sigma_e = Parameter(1.0, trials=(-1,))",
     "options": "kind = Parameter('a', options='ab')",
+    "special cases": "special_cases = ({'sigma_e': 1.0}, 'row_noise')",
+    "special case without values": "special_cases = (({}, 'row_noise'),)",
+    "special case of no parameter": "special_cases = (({'sigma': 1.0}, 'row_noise'),)",
+    "special case outside": "special_cases = (({'sigma_e': -1.0}, 'row_noise'),)",
     "apply": "apply = 3",
 }
 APPLIES = {

@@ -63,7 +63,7 @@ class Judged:
         """Whether one with a smaller score cannot be named: this one is accepted, or what it explains is none of theirs.
 
         Args:
-            named: effects that are accepted.
+            named: effects that are accepted, or that the camera has.
         """
         if self.evidence.accepts:
             return self.becomes not in named
@@ -109,13 +109,15 @@ def accepted(state: State, found: Sequence[Refined], adding: Adding) -> Accepted
 
     Candidates are simulated a few at a time, the largest gain first, until the one with the largest score so far is accepted. If
     it is refused since it falls short of what it would explain as the cause, so are all others: part of what it explains would
-    pass for theirs. So are they if it is refused since the frames do not show what sets it apart, all but the effect that it is
-    then. One that is refused for its odds alone, having more parameters than the frames tell, stands back for others.
+    pass for theirs. One that is refused since the frames do not show what sets it apart stands back where the effect that it is
+    then is accepted, or is there, and else none is accepted either. One that is refused for its odds alone, having more parameters
+    than the frames tell, stands back for others.
 
     Args:
         found: candidates, the largest gain first.
     """
     tried: list[Judged] = []
+    present = set(state.fitted.camera.effect_names)
     rest = [r for r in found if r.gain > 0]
     while rest:
         close = [r for r in rest if r.gain > (1 - CLOSE) * rest[0].gain][:RIVALS]
@@ -129,7 +131,7 @@ def accepted(state: State, found: Sequence[Refined], adding: Adding) -> Accepted
             )
             alike = [one for one in others if one.accepts and one.evidence.score > best.evidence.score - ODDS]
             tried.append(replace(best, otherwise=alike[0]) if alike else best)
-        named = {one.refined.effect for one in tried if one.accepts}
+        named = {one.refined.effect for one in tried if one.accepts} | present
         ahead = [one for one in tried if one.stands_before(named)]
         first = max(ahead or tried, key=lambda one: one.evidence.score)
         if first.accepts:

@@ -1,6 +1,7 @@
 """Whether a class is an effect that the rest of the program can work with; found out once, when it is registered."""
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import torch
@@ -43,6 +44,7 @@ def check_definition(effect: type[Effect]) -> None:
         if not isinstance(key, str) or key in TAKEN:
             raise InputError(f"{where}: parameters: {key!r} cannot be the name of a parameter")
         _check_parameter(parameter, f"{where}: {key}")
+    _check_special_cases(effect, f"{where}: special_cases")
     if not callable(effect.apply) or effect.apply is Effect.apply:
         raise InputError(f"{where}: apply: expected a method `apply(self, signal, p, stream, context)`")
 
@@ -75,6 +77,21 @@ def try_effect(effect: type[Effect]) -> None:
         raise InputError(f"{where}: changes its input in place; expected a new tensor")
     if not bool(torch.isfinite(out).all()):
         raise InputError(f"{where}: returns NaN or infinite values for a signal of {level:g} with {one!r}")
+
+
+def _check_special_cases(effect: type[Effect], where: str) -> None:
+    cases = effect.special_cases if isinstance(effect.special_cases, tuple) else (None,)
+    for case in cases:
+        match case:
+            case (Mapping() as values, str()) if values:
+                pass
+            case _:
+                expected = 'a tuple of pairs, such as (({"duty": 1.0}, "hot_pixels"),)'
+                raise InputError(f"{where}: {effect.special_cases!r} is none; expected {expected}")
+        for key, value in values.items():
+            if key not in effect.parameters:
+                raise InputError(f"{where}: {key!r} is not the name of a parameter")
+            check_value(effect.parameters[key], value, f"{where}: {key}")
 
 
 def _check_parameter(parameter: Parameter, where: str) -> None:

@@ -37,10 +37,7 @@ class DarkCurrentRTS(Effect):
     b_per_c = Parameter(0.077, "1/C", 0.0, 0.3, "0.57 eV (Hopkins and Hopkinson): E / (k T^2) at 20 C")
     duty = Parameter(0.5, "1", 0.0, 1.0, "fraction of the time in the upper level; 1: hot pixels")
     kept = Parameter(0.8, "1", 0.0, 0.99, "seconds to days (Hopkins and Hopkinson)", trials=(0.0, 0.8))
-    special_cases = (
-        ({"duty": 1.0}, "hot_pixels"),
-        ({"kept": kept.high}, "hot_pixels"),
-    )  # hardly any pixel jumps
+    special_cases = (({"duty": 1.0}, "hot_pixels"), ({"kept": kept.high}, "hot_pixels"))  # hardly any jumps
 
     def apply(self, signal, p, stream, context):
         fixed = stream.fixed
