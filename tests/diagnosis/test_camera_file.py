@@ -18,6 +18,13 @@ from visaug.frames import FrameRecord
 GAIN, READ_E, DARK_E, PER_C = SENSOR.e_per_dn, SENSOR.read_e, SENSOR.dark_e_per_s, SENSOR.dark_per_c
 
 
+def frames_of(plan) -> FrameSet:
+    records = [
+        FrameRecord(i, f"{i}.npy", s.kind, s.seconds, s.celsius, 0.0, s.photons) for i, s in enumerate(plan)
+    ]
+    return FrameSet.from_arrays(records, list(take(SENSOR, plan, {}, 7, [])), bit_depth=SENSOR.bits)
+
+
 @pytest.fixture(scope="module")
 def frames() -> FrameSet:
     """By the benchmark's camera, which shares no code with the package."""
@@ -61,6 +68,44 @@ def test_a_mistake_is_named_and_corrected(frames, right, wrong, key, mistake, va
     assert [(m.key, m.mistake) for m in found] == [(key, mistake)]
     assert found[0].value == pytest.approx(value, rel=0.05)
     assert better.to_dict().get(key.split(".")[0]) != camera.to_dict().get(key.split(".")[0])
+
+
+@pytest.fixture(scope="module")
+def cool() -> FrameSet:
+    """Darks of two exposures at one temperature, which tell a rate and no law."""
+    return frames_of([s for s in PLAN if s.celsius == 20.0])
+
+
+@pytest.mark.parametrize(
+    ("factor", "mistake"),
+    [
+        (2.0, "per_frame"),  # the longer darks take 2 s
+        (1e-3, "time_unit"),
+        (math.exp(-273.15 * PER_C), "kelvin"),
+        (1.0, None),
+    ],
+)
+def test_a_dark_current_is_judged_at_one_temperature_too(cool, right, factor, mistake):
+    camera = Camera.load(right).replace({"dark_current.a_e_per_s": DARK_E * factor})
+    better, found = corrected(camera, cool, Laboratory(cool, camera))
+    expected = [] if mistake is None else [("dark_current.a_e_per_s", mistake)]
+    assert [(m.key, m.mistake) for m in found] == expected
+    assert better.values()["dark_current.a_e_per_s"] == pytest.approx(DARK_E, rel=0.05)
+
+
+def test_photons_that_no_efficiency_explains_are_to_be_corrected_in_the_list_of_frames(right):
+    records = [
+        FrameRecord(i, f"{i}.npy", s.kind, s.seconds, s.celsius, 0.0, s.photons and s.photons / 10)
+        for i, s in enumerate(PLAN)
+    ]
+    frames = FrameSet.from_arrays(records, list(take(SENSOR, PLAN, {}, 7, [])), bit_depth=SENSOR.bits)
+    (found,) = suspects(Camera.load(right), frames)
+    assert found.mistake == "photons"
+    assert "the photons of frames.csv are too low" in found.text
+    (few,) = suspects(
+        Camera.load(right).replace({"quantum_efficiency": SENSOR.efficiency / 5}), frames_of(PLAN)
+    )
+    assert "frames.csv" not in few.text
 
 
 def test_another_bit_depth_changes_gain_and_black_level_alike(frames, right):

@@ -1,5 +1,6 @@
 """Limits of absent effects, from residuals whose law is known."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +9,7 @@ from scipy.stats import norm
 
 from visaug.diagnosis import verdicts
 from visaug.diagnosis.candidates.signatures import MORE, REDRAWN
-from visaug.diagnosis.candidates.trials import Trial
+from visaug.diagnosis.candidates.trials import Trial, leads
 from visaug.diagnosis.criterion import ODDS
 from visaug.diagnosis.fitting.parameters import Coordinate
 from visaug.diagnosis.fitting.reference import Null
@@ -145,6 +146,31 @@ def test_a_strength_at_which_nothing_is_shown_is_doubled(monkeypatch, stated):
     tried = [of for _, each in lab.asked for of in each]
     np.testing.assert_allclose(tried, [0.2, 0.4, 0.8])
     assert after["row_noise"].limit(sight(*PLAIN), is_final=True)[0] == np.inf
+
+
+def test_nothing_is_simulated_below_one_event(monkeypatch, stated):
+    """A signature of many events matches far below one of them, where there is none in most sets."""
+    lab = Blind(stated, 0.0)
+    monkeypatch.setattr(verdicts, "moves_of", lab.moves)
+    setting, one = lab.setting(), np.array([0, 0, 1e4, 0, 0, 0])
+    known = {"row_noise": replace(course([0.1], [one], [[one] * 2]), least=0.05)}
+    verdicts._completed(setting, setting.first, sight(*PLAIN), known, ["gain_e_per_dn", "a"])  # pyrefly: ignore[bad-argument-type]
+    tried = [of for _, each in lab.asked for of in each]
+    np.testing.assert_allclose(tried, [0.05, 0.1, 0.2])
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({"prnu.column": 1e-6, "prnu.row": 0.003}, False),  # a trial of the rows
+        ({"prnu.column": 0.003, "prnu.row": 1e-6}, True),
+        ({"prnu.column": 0.001, "prnu.row": 0.001, "prnu.pixel": 0.003}, True),
+        ({"row_noise.sigma_e": 0.001}, True),
+        ({"saturation.full_well_e": 1e4}, True),
+    ],
+)
+def test_a_trace_of_a_strength_beside_another_one_is_no_strength_of_its_own(values, expected):
+    assert leads(Trial("prnu", tuple(values.items()))) is expected
 
 
 @pytest.mark.parametrize(("factor", "step"), [(2.0, 0.06), (0.5, 0.015), (100.0, 0.2)])

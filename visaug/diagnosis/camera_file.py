@@ -7,7 +7,7 @@ candidates are accepted together if simulated frames of the corrected camera are
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,7 @@ BETTER = 10.0  # decrease of the robust misfit (a log likelihood) by a correctio
 SETS = 4  # simulated sets for the mean of a camera
 BLACK_DN = 5.0  # DN of a black level that is left out or subtracted already
 LIT = ("flat", "scene")
-DARK = "dark_current.a_e_per_s"
+DARK, DARK_RATE = "dark_current.a_e_per_s", "dark_current.rate_e_per_s"
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def suspects(camera: Camera, frames: FrameSet) -> list[Mistake]:
     checks = found_by_checks(frames)
     if checks is None:
         return []
-    measured = checks.parameters
+    measured = _with_dark_current(checks.parameters, camera, frames)
     exposures = {r.exposure_s for r in frames.records if r.exposure_s}
     found = list(_bit_depth(camera, measured))
     shifted = {key for m in found for key in (m.key, *(path for path, _ in m.also))}
@@ -139,6 +139,19 @@ def suspects(camera: Camera, frames: FrameSet) -> list[Mistake]:
             found.append(Mistake(key, word, sentence, right))
     found += _photons(file, measured, {m.key for m in found})
     return found
+
+
+def _with_dark_current(measured: Mapping[str, Any], camera: Camera, frames: FrameSet) -> Mapping[str, Any]:
+    """With the dark current at 0 C that the rate at one temperature gives by the file's own coefficient."""
+    rate, temperatures = (
+        measured.get(DARK_RATE),
+        {r.temperature_c for r in frames.records if r.kind == "dark"},
+    )
+    if rate is None or DARK in measured or len(temperatures) != 1 or None in temperatures:
+        return measured
+    cold = math.exp(-camera.values()["dark_current.b_per_c"] * float(temperatures.pop() or 0.0))
+    at_0 = replace(rate, value=cold * rate.value, low=cold * rate.low, high=cold * rate.high)
+    return {**measured, DARK: at_0}
 
 
 def _hypotheses(
@@ -222,6 +235,11 @@ def _photons(file: Mapping[str, float], measured: Mapping[str, Any], known: set[
             f"The photons of the flats are not those on a pixel: with them the quantum efficiency is {found:.3g}, and "
             f"{file[key]:g} in the file."
         )
+        if found > 1:
+            text += (
+                " None is above 1: the photons of frames.csv are too low. Correct them there; until then all that follows from "
+                "light is wrong, the effects that are named among it."
+            )
         yield Mistake(key, "photons", text, min(found, 1.0))
 
 

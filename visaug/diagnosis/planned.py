@@ -12,7 +12,7 @@ from visaug.camera.simulation import simulate, with_chart
 from visaug.core.errors import InputError
 from visaug.core.nearest import did_you_mean
 from visaug.diagnosis.candidates.signatures import is_mostly_taken, strongest
-from visaug.diagnosis.candidates.trials import Trial, strength_of, trials
+from visaug.diagnosis.candidates.trials import Trial, leads, strength_of, trials
 from visaug.diagnosis.fitting.parameters import Coordinate, base_coordinates, moved
 from visaug.diagnosis.fitting.reference import Report, differences
 from visaug.diagnosis.fitting.robust import adjust
@@ -171,8 +171,12 @@ def before_frames(camera: Camera, names: Sequence[str], report: Report) -> list[
     tried = trials(camera, only=frozenset(names))
     strong: dict[str, Trial] = {}
     for trial in tried:
-        if not trial.is_other_form:
-            strong.setdefault(trial.effect, strongest(trial))
+        if trial.is_other_form or not leads(trial):
+            continue
+        path, strength = strength_of(camera, one := strongest(trial))
+        known = strength_of(camera, strong.setdefault(trial.effect, one))
+        if path == known[0] and strength > known[1]:
+            strong[trial.effect] = one
     for name in names:
         if name not in strong:
             expected = f"one of {', '.join(sorted(strong))}"

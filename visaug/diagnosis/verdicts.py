@@ -26,7 +26,7 @@ from visaug.diagnosis.candidates.signatures import (
     moves_of,
     signed,
 )
-from visaug.diagnosis.candidates.trials import Trial, strength_of
+from visaug.diagnosis.candidates.trials import Trial, leads, strength_of
 from visaug.diagnosis.chance import chance
 from visaug.diagnosis.criterion import ODDS
 from visaug.diagnosis.fitting.law import law, scatter_along
@@ -117,6 +117,7 @@ class StrengthCurve:
         signs: (m, statistics) signatures of the search with which the measurement is matched.
         is_stepwise: whether only these strengths exist.
         ways, ways_of_signs: (n, parameters) and (m, parameters) steps of the camera's parameters with which both were simulated.
+        least: strength below which there is no event in most sets, and nothing to be shown; 0 if the effect has no events.
     """
 
     path: str
@@ -128,6 +129,7 @@ class StrengthCurve:
     is_stepwise: bool
     ways: np.ndarray
     ways_of_signs: np.ndarray
+    least: float = 0.0
 
     def knowing(self, columns: Sequence[int], slopes: np.ndarray) -> "StrengthCurve":
         """The same if some of the camera's parameters were known and could not follow.
@@ -228,7 +230,7 @@ def _course(setting: Setting, signs: Signatures, name: str, paths: Sequence[str]
     chosen: dict[float, int] = {}
     path = ""
     for i, trial in enumerate(signs.trials):
-        if trial.effect != name or trial.looked or trial.is_other_form:
+        if trial.effect != name or trial.looked or trial.is_other_form or not leads(trial):
             continue
         here, strength = strength_of(setting.first.camera, trial)
         if (not path or here == path) and strength > 0 and trial.values[0][1] != 0:
@@ -242,8 +244,9 @@ def _course(setting: Setting, signs: Signatures, name: str, paths: Sequence[str]
     variances = setting.lab.whole_of(signs.variances[places])
     sds = np.sqrt(variances)
     specimens = np.stack([shifts - sds, shifts + sds] if variances.any() else [shifts], 1)
+    least = least_of_events(setting.lab.parts[-1].frames, path, place_of(path).parameter.unit)
     return StrengthCurve(
-        path, np.array(sorted(chosen)), shifts, variances, specimens, shifts, stepwise, ways, ways
+        path, np.array(sorted(chosen)), shifts, variances, specimens, shifts, stepwise, ways, ways, least
     )
 
 
@@ -283,6 +286,7 @@ def _completed(
             limit = course.limit(sight)[0]
             limit = limit if np.isfinite(limit) else BEYOND * course.strengths[-1]
             limit = min(limit, 3 * _plausible(name, course)) if limit > 0 else limit
+            limit = max(limit, course.least)
             trial = _times(known, plain[name], limit / strength_of(known.camera, plain[name])[1])
             if trial is not None:
                 at[MORE if course.specimens.shape[1] > 1 else FEW].append(trial)
@@ -295,7 +299,7 @@ def _completed(
                     continue
                 new = _simulated(setting, known, trial, moves, paths)
                 old, (x,) = courses[trial.effect], new.strengths
-                new = replace(new, signs=old.signs, ways_of_signs=old.ways_of_signs)
+                new = replace(new, signs=old.signs, ways_of_signs=old.ways_of_signs, least=old.least)
                 courses = {**courses, trial.effect: old.joined(new) if round_ else new}
                 if abs(np.log(courses[trial.effect].limit(sight)[0] / x)) > np.log(NEAR):
                     open_.add(trial.effect)
@@ -350,7 +354,7 @@ def _judged(
     scatter = course.variances[k]
     if end.is_missing and (factor > sight.match * width or (scatter.any() and sight.gain(scatter) > ODDS)):
         return Verdict(words[0], "not separable", *words[1:], others=("unexplained",))
-    limit = max(limit, least_of_events(setting.lab.parts[-1].frames, course.path, unit))
+    limit = max(limit, course.least)
     upper = (max(factor, 0.0) + ONE_SIDED * width) * course.strengths[k]
     if limit <= plausible:
         is_matched = (sight.match + ONE_SIDED) * width * course.strengths[k] < NEAR * limit

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from visaug.camera import Camera
+from visaug.camera.paths import place_of
 from visaug.core.errors import InputError
 from visaug.core.sampling.tukey_lambda import GAUSSIAN_SHAPE
 from visaug.diagnosis.candidates.look import filled_well, look
@@ -13,6 +14,7 @@ from visaug.diagnosis.laboratory import Laboratory
 from visaug.effects import Effect, Parameter, Stage, catalogue
 
 LADDER = 3  # trial values from which a number counts as one of a wide range, over which no fit leads
+TRACE = 0.1  # relative strength up to which one is there beside a stronger one for the fit alone
 
 
 @dataclass(frozen=True)
@@ -281,6 +283,21 @@ def strength_of(camera: Camera, trial: Trial) -> tuple[str, float]:
     path, value = next((path, value) for path, value in trial.values if not isinstance(value, str))
     without = camera.values().get(path, 0.0)
     return path, abs(value - without) if math.isfinite(without) else 1 / value
+
+
+def leads(trial: Trial) -> bool:
+    """Whether the first strength of a trial is not far weaker than another one, each relative to its strongest trial value.
+
+    A trial of the rows of a fixed pattern has a trace of its columns too, so that a fit can find those.
+    """
+    parameters = {path: place_of(path).parameter for path, _ in trial.values}
+    shares = {
+        path: abs(value) / abs(p.trials[-1])
+        for path, value in trial.values
+        if (p := parameters[path]).strength and p.trials and p.trials[-1]
+    }
+    first = next(iter(parameters))
+    return first not in shares or shares[first] > TRACE * max(shares.values())
 
 
 def exchanged(camera: Camera, own: str, other: Camera, rival: str) -> Camera:
