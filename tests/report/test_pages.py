@@ -11,7 +11,7 @@ from PIL import Image
 
 import visaug
 from visaug.frames import FrameRecord, FrameSet
-from visaug.report.headline import COUNTED, verdict_row
+from visaug.report.headline import COUNTED, verdict_row, verdict_rows
 from visaug.report.pages import write_comparison, write_diagnosis
 from visaug.report.plots.error import plot_error_steps, plot_ranking
 from visaug.report.plots.view import plot_view
@@ -187,3 +187,26 @@ def test_a_limit_of_a_parameter_that_an_effect_makes_smaller_is_a_lower_one():
     rows = {"effect": "row_noise", "parameter": "row_noise.sigma_e", "unit": "e-", "limit": 0.3}
     assert verdict_row(absent | tails)[2] == "shape > 0.02"
     assert verdict_row(absent | rows)[2] == "sigma_e < 0.3 e-"
+
+
+def test_what_is_named_comes_first_in_the_table_of_verdicts():
+    entry = {
+        "parameter": None,
+        "unit": None,
+        "value": None,
+        "low": None,
+        "limit": None,
+        "from": None,
+        "frames": None,
+    }
+    effects = [
+        entry | {"effect": name, "verdict": verdict}
+        for name, verdict in (
+            ("a", "absent"),
+            ("b", "not testable"),
+            ("c", "named"),
+            ("d", "absent"),
+            ("e", "not separable"),
+        )
+    ]
+    assert [row[0] for row in verdict_rows(effects)] == ["c", "e", "b", "a", "d"]

@@ -1,6 +1,6 @@
 """The answer of a result in one sentence, what it means, and verdicts on effects: the same on pages, terminal and lab."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import isclose
 from typing import Any
 
@@ -208,6 +208,12 @@ def _named(name: str, entry: Content) -> str:
 
 def amount(value: float | None, unit: str | None) -> str:
     return "" if value is None else f"{value:.3g} {'' if unit in (None, '1') else unit}".strip()
+
+
+def verdict_rows(effects: Sequence[Content]) -> list[list[str]]:
+    """The rows of `effects`: named ones first, then what these frames do not tell, and absent ones last."""
+    order = ("named", "not separable", "not testable", "absent")
+    return [verdict_row(entry) for entry in sorted(effects, key=lambda one: order.index(one["verdict"]))]
 
 
 def verdict_row(entry: Content) -> list[str]:

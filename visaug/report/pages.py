@@ -188,7 +188,7 @@ def diagnosis_sections(
     if content.get("effects"):
         strength, frames_for = "strength [95 % interval] or limit", "frames that would show or separate it"
         head = ["effect", "verdict", strength, frames_for]
-        rows = [headline.verdict_row(entry) for entry in content["effects"]]
+        rows = headline.verdict_rows(content["effects"])
         table = Table(head, rows, caption="Of each effect, what these frames show. Limits are those of 95 %.")
         sections.append(Section("What these frames show, and what they cannot", [table]))
     looked_at = used_section(content)

@@ -11,7 +11,7 @@ from visaug.characterization.alarms import all_warnings
 from visaug.core.wording import number, p_text, share_text, statistic_text, with_interval
 from visaug.diagnosis import Diagnosis, FittedValue
 from visaug.effects import Parameter
-from visaug.report.headline import diagnosis_headline, verdict_row, view_title
+from visaug.report.headline import diagnosis_headline, verdict_rows, view_title
 from visaug.report.next_step import PICTURES, NextStep, after_comparison, after_diagnosis
 from visaug.report.pages import described, unit_text
 from visaug.statistics import VIEWS
@@ -44,7 +44,7 @@ def content(bench: Bench, wanted: Mapping[str, float]) -> dict[str, Any]:
         "changed": bench.now.fit is not None,
         "effects": effects,
         "candidates": candidates,
-        "verdicts": [verdict_row(v.to_json()) for v in bench.diagnosis.effects] if bench.diagnosis else [],
+        "verdicts": verdict_rows([v.to_json() for v in bench.diagnosis.effects]) if bench.diagnosis else [],
         "addable": [name for name in bench.can_add() if name not in listed],
         "where": [_place(place) for place in _places(bench)],
         "views": views[:first],
