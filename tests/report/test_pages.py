@@ -11,7 +11,7 @@ from PIL import Image
 
 import visaug
 from visaug.frames import FrameRecord, FrameSet
-from visaug.report.headline import COUNTED, verdict_row, verdict_rows
+from visaug.report.headline import COUNTED, diagnosis_details, verdict_row, verdict_rows
 from visaug.report.pages import write_comparison, write_diagnosis
 from visaug.report.plots.error import plot_error_steps, plot_ranking
 from visaug.report.plots.view import plot_view
@@ -187,6 +187,28 @@ def test_a_limit_of_a_parameter_that_an_effect_makes_smaller_is_a_lower_one():
     rows = {"effect": "row_noise", "parameter": "row_noise.sigma_e", "unit": "e-", "limit": 0.3}
     assert verdict_row(absent | tails)[2] == "shape > 0.02"
     assert verdict_row(absent | rows)[2] == "sigma_e < 0.3 e-"
+
+
+@pytest.mark.parametrize(
+    ("adequate", "after", "interval", "said"),
+    [
+        (True, 0.04, [-0.02, 0.09], "After adding, no significant difference is left"),
+        (True, 0.94, [0.92, 0.97], "most of the error stays: it is not shown to be the cause"),
+        (False, 0.94, [0.92, 0.97], "After adding, a significant difference is left"),
+    ],
+)
+def test_an_effect_with_which_most_of_the_error_stays_does_not_pass_for_the_cause(
+    adequate, after, interval, said
+):
+    """A dead pixel more or less deviates so far that no largest deviation is significant."""
+    content = {
+        **DIAGNOSIS,
+        "error": {**DIAGNOSIS["error"], "after": after, "interval_after": interval},
+        "fits": {**DIAGNOSIS["fits"], "adequate_after": adequate},
+    }
+    lines = [line for line in diagnosis_details(content) if line.startswith("After adding")]
+    assert len(lines) == 1
+    assert said in lines[0]
 
 
 def test_what_is_named_comes_first_in_the_table_of_verdicts():

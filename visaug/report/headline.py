@@ -57,6 +57,7 @@ def view_title(name: str) -> str:
     return titles.get(name, name.replace("_", " ").capitalize()).rstrip(".")
 
 
+MUCH_LEFT = 0.5  # error with the added effects, of 1 without, above which they do not explain the frames
 WHERE_HEAD = ["view", "share of the misfit", "worst statistic", "standard deviations"]
 
 
@@ -125,8 +126,16 @@ def diagnosis_details(content: Content) -> list[str]:
             "with the added effects. 0 is as good as a second camera of the same type."
         )
     if content["accepted"]:
-        what = "no significant difference" if fits["adequate_after"] else "a significant difference"
-        lines.append(f"After adding, {what} is left ({p_text(fits['p_value_after'])}).")
+        p, (low, _) = p_text(fits["p_value_after"]), error["interval_after"] or (0.0, 0.0)
+        if not fits["adequate_after"]:
+            lines.append(f"After adding, a significant difference is left ({p}).")
+        elif low > MUCH_LEFT:
+            lines.append(
+                f"After adding, no single deviation is significant ({p}), as cameras with it can deviate far, but most of the "
+                "error stays: it is not shown to be the cause."
+            )
+        else:
+            lines.append(f"After adding, no significant difference is left ({p}).")
     if (outside := content.get("outside") or 0.0) > 0.5:
         lines.append(
             f"What is left makes a cause outside the catalogue likelier (probability {probability_text(outside)}): "
