@@ -129,12 +129,8 @@ def test_a_right_file_has_no_mistake(frames, right):
 def test_a_little_more_dark_current_than_in_the_file_is_no_mistake(right, factor):
     """Hot pixels or a warmer sensor explain it as well as a figure per frame of 0.75 s, or one in DN."""
     plan = [replace(s, seconds=0.75) if s.seconds == 0.2 else s for s in PLAN]
-    records = [
-        FrameRecord(i, f"{i}.npy", s.kind, s.seconds, s.celsius, 0.0, s.photons) for i, s in enumerate(plan)
-    ]
-    frames = FrameSet.from_arrays(records, list(take(SENSOR, plan, {}, 7, [])), bit_depth=SENSOR.bits)
     camera = Camera.load(right).replace({"dark_current.a_e_per_s": DARK_E / factor})
-    assert suspects(camera, frames) == []
+    assert suspects(camera, frames_of(plan)) == []
 
 
 def test_a_correction_keeps_measured_maps(frames, right, tmp_path, monkeypatch):
