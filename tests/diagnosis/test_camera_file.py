@@ -11,7 +11,7 @@ from benchmark.camera import take
 from benchmark.sets import camera_yaml
 from benchmark.small import CHART, PLAN, SENSOR, chart
 from visaug import Camera, FrameSet
-from visaug.diagnosis.camera_file import corrected, suspects
+from visaug.diagnosis.camera_file import corrected, suspects, with_enough_photons
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.frames import FrameRecord
 
@@ -93,19 +93,34 @@ def test_a_dark_current_is_judged_at_one_temperature_too(cool, right, factor, mi
     assert better.values()["dark_current.a_e_per_s"] == pytest.approx(DARK_E, rel=0.05)
 
 
+def with_photons(factor: float) -> FrameSet:
+    frames = frames_of(PLAN)
+    return frames.with_records([replace(r, photons=r.photons and r.photons * factor) for r in frames.records])
+
+
 def test_photons_that_no_efficiency_explains_are_to_be_corrected_in_the_list_of_frames(right):
-    records = [
-        FrameRecord(i, f"{i}.npy", s.kind, s.seconds, s.celsius, 0.0, s.photons and s.photons / 10)
-        for i, s in enumerate(PLAN)
-    ]
-    frames = FrameSet.from_arrays(records, list(take(SENSOR, PLAN, {}, 7, [])), bit_depth=SENSOR.bits)
-    (found,) = suspects(Camera.load(right), frames)
-    assert found.mistake == "photons"
+    """Multiplied so that the efficiency of the file holds; that of the sensor is within 5 %."""
+    camera = Camera.load(right)
+    frames, (found,) = with_enough_photons(camera, with_photons(0.1))
+    assert (found.mistake, found.key, found.value) == ("photons", "quantum_efficiency", SENSOR.efficiency)
     assert "the photons of frames.csv are too low" in found.text
-    (few,) = suspects(
-        Camera.load(right).replace({"quantum_efficiency": SENSOR.efficiency / 5}), frames_of(PLAN)
-    )
+    lit = [(r.photons, s.photons) for r, s in zip(frames.records, PLAN, strict=True) if r.photons]
+    assert len(lit) == sum(s.kind == "flat" for s in PLAN)
+    assert [made for made, _ in lit] == pytest.approx([true for _, true in lit], rel=0.05)
+    assert suspects(camera, frames) == []
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.0, 10.0])
+def test_photons_that_an_efficiency_explains_are_kept(right, factor):
+    frames = with_photons(factor)
+    assert with_enough_photons(Camera.load(right), frames) == (frames, ())
+
+
+def test_photons_that_another_efficiency_explains_change_the_efficiency(right):
+    frames = with_photons(5.0)
+    (few,) = suspects(Camera.load(right), frames)
     assert "frames.csv" not in few.text
+    assert few.value == pytest.approx(SENSOR.efficiency / 5, rel=0.05)
 
 
 def test_another_bit_depth_changes_gain_and_black_level_alike(frames, right):

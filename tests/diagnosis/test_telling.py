@@ -12,6 +12,7 @@ from visaug.diagnosis import telling
 from visaug.diagnosis.candidates.signatures import Signatures
 from visaug.diagnosis.candidates.trials import Trial
 from visaug.diagnosis.fitting.law import FORM
+from visaug.diagnosis.verdict import Verdict
 from visaug.statistics import Fingerprint, Statistic
 
 STATISTIC = Statistic("temporal_lines", "rows", "bias", ("time", "row"), "DN", "bias")
@@ -71,6 +72,12 @@ def test_effects_whose_shifts_and_scatter_are_below_the_limit_cannot_be_shown():
     assert telling.cannot_show(signs, first) == ("smear",)  # pyrefly: ignore[bad-argument-type]
     first.null_scale = 2 * np.ones(2)
     assert telling.cannot_show(signs, first) == ("row_noise", "smear", "light_drift")  # pyrefly: ignore[bad-argument-type]
+    judged = [
+        Verdict("row_noise", "absent"),
+        Verdict("smear", "not testable"),
+        Verdict("light_drift", "not separable"),
+    ]
+    assert telling.cannot_show(signs, first, judged) == ("smear",)  # pyrefly: ignore[bad-argument-type]
 
 
 def test_the_excess_of_a_logarithm_is_that_of_what_was_measured():

@@ -1,7 +1,8 @@
 """Frames taken alike: by their settings, and by their light where the settings are silent."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from visaug.characterization.facts import Facts
 from visaug.frames import FrameSet, Group
 
 KINDS = ("bias", "dark", "flat")
+APART = 10.0  # ratio of a step of the lamp and of the differences of frames beside it from which the step is a setting
 SAME_C = 0.6  # a sensor's reading wanders by that much; steps of a ladder are wider
 
 
@@ -47,7 +49,10 @@ def _by_temperature(frames: FrameSet, members: list[int]) -> list[list[int]]:
 
 
 def _by_light(frames: FrameSet, members: list[int], facts: Sequence[Facts], floor: float) -> list[list[int]]:
-    """Flats of one exposure by their photons, and by their own level where the lamp was changed."""
+    """Flats of one exposure by their photons, and by their own level where the lamp was changed.
+
+    Of flats whose photons are not known the steps of a ladder may be fine; stated photons are those of one setting of the lamp.
+    """
     by_photons: dict[float | None, list[int]] = {}
     for i in members:
         by_photons.setdefault(frames.records[i].photons, []).append(i)
@@ -59,6 +64,10 @@ def _by_light(frames: FrameSet, members: list[int], facts: Sequence[Facts], floo
     def level(i: int) -> float:
         return facts[i].mean - floor
 
+    unknown = by_photons.get(None)
+    if unknown:
+        groups.remove(unknown)
+        groups += _settings_of_a_lamp(unknown, level, least=0.1 * noise)
     found = []
     for group in groups:
         # A lamp that flickers by less than a tenth stays one level: the share of its change is taken out.
@@ -68,6 +77,37 @@ def _by_light(frames: FrameSet, members: list[int], facts: Sequence[Facts], floo
         # Falling light: neighbours still tell the noise, for the change of the light is taken out.
         found += _clusters(single, level, lambda a, b: b - a <= 0.4 * max(b, 0.0))
     return found
+
+
+def _settings_of_a_lamp(
+    members: list[int], level: Callable[[int], float], least: float
+) -> Iterator[list[int]]:
+    """Frames in order of their level, apart at steps that are wide beside the differences of the frames on both sides.
+
+    A lamp that flickers has such a gap by chance: it is none if it is less than the range of either part. Nor is one between
+    states that single frames alternate between: each setting has two frames or more in a row.
+
+    Args:
+        least: smallest step, DN.
+    """
+    order = sorted(members, key=level)
+    levels = np.array([level(i) for i in order])
+    times = np.argsort(np.argsort(order))  # among the members
+    gaps = np.diff(levels)
+    beside = np.maximum(gaps[:-2], gaps[2:])
+    ends = np.flatnonzero(gaps[1:-1] > np.maximum(APART * beside, least)) + 2
+    wide = [
+        float(np.ptp(part)) if _is_in_runs(np.sort(time)) else np.inf
+        for part, time in zip(np.split(levels, ends), np.split(times, ends), strict=True)
+    ]
+    ends = [end for end, *sides in zip(ends, wide, wide[1:], strict=False) if gaps[end - 1] > max(sides)]
+    for low, high in pairwise([0, *ends, len(order)]):
+        yield order[low:high]
+
+
+def _is_in_runs(times: np.ndarray) -> bool:
+    """Whether whole numbers, ascending, come in runs of two or more."""
+    return min(len(run) for run in np.split(times, np.flatnonzero(np.diff(times) > 1) + 1)) > 1
 
 
 def floor_dn(frames: FrameSet, facts: Sequence[Facts]) -> float:

@@ -13,6 +13,8 @@ from visaug.characterization.facts import Facts
 from visaug.characterization.moments import GroupMoments, measure, nearness
 from visaug.frames import FrameSet
 
+COLLAPSE = 0.7  # variance below this share of the shot noise's tells clipping
+
 
 @dataclass(frozen=True)
 class FlatLevel:

@@ -3,14 +3,14 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy import ndimage, optimize, stats
 
 from visaug.characterization.defective import donors
 from visaug.characterization.facts import Facts
-from visaug.characterization.groups import Measured
+from visaug.characterization.groups import COLLAPSE, Measured
 from visaug.characterization.moments import GroupMoments
 from visaug.characterization.views import repaired, replaced
 from visaug.frames import FrameSet, Group
@@ -65,6 +65,11 @@ class _Peaks:
     noise: float  # of single pixels, DN
     cut: bool  # whether noise is cut at 0, so that only its upper half is seen
 
+    @cached_property
+    def level(self) -> float:
+        """Median of the second greatest values, DN."""
+        return float(median_of(self.second))
+
     @property
     def full(self) -> bool:
         """Whether pixels pile up at one value, the converter's top: what is left of their noise is not that of the others."""
@@ -76,26 +81,29 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
     A hit is one pixel, or two or three in a line in one frame, whose greatest value is farther from the second greatest than
     noise of the group's law would have it anywhere in the set (once in 1000 sets). Noise has tails on both sides, but hits
     brighten: where pixels of dark frames fall below their other values by more than normal noise, hits must exceed that by
-    far. A pixel that is hit in more groups than chance allows jumps by itself.
+    far. Flats whose noise is less than that of their light are saturated: most pixels stay at one value there, and what a few
+    have in one frame is no hit. A pixel that is hit in more groups than chance allows jumps by itself.
     """
     several = [g for g in groups if len(g.indices) > 1]
     peaks = [_peaks(frames, g) for g in several]
     whole = [(p, len(g.indices)) for g, p in zip(several, peaks) if g.kind != "flat" and not p.cut]
     dips = [(p, n) for p, n in whole if n > 2]
     tail = _tail(dips)
-    gain = _rough_gain(several, peaks)
-    quiet = min((p.noise for g, p in zip(several, peaks) if g.kind != "flat"), default=0.0)
+    darks = [p for g, p in zip(several, peaks) if g.kind != "flat"]
+    quiet, floor = (min(map(of, darks), default=0.0) for of in (lambda p: p.noise, lambda p: p.level))
+    gain = _rough_gain([p for g, p in zip(several, peaks) if g.kind == "flat"], quiet, floor)
     hits: list[tuple[int, np.ndarray, np.ndarray]] = []
     seen: dict[tuple[int, int], np.ndarray] = {}
     edge = 3.0  # standard deviations above which a pixel beside a hit belongs to it
     for group, p in zip(several, peaks):
-        if p.full or p.cut or (group.kind != "flat" and not dips):
+        light = max(p.noise**2 - quiet**2, 0.0)
+        is_saturated = p.full or (group.kind == "flat" and light < COLLAPSE * gain * (p.level - floor))
+        if is_saturated or p.cut or (group.kind != "flat" and not dips):
             continue
-        shot = np.maximum(p.second - median_of(p.second), 0.0) * gain  # bright pixels have more of it
+        shot = np.maximum(p.second - p.level, 0.0) * gain  # bright pixels have more of it
         noise = np.sqrt(p.noise**2 + shot)
         apart = np.maximum(p.first - p.second - found.step_dn, 0.0)  # rounding adds up to one step
         excess = np.where(apart > tail, apart / noise, 0.0)
-        light = max(p.noise**2 - quiet**2, 0.0)
         hit = _hits(excess, p.frame, len(group.indices), len(several), gain * light / p.noise**3)
         if not hit.any():
             continue
@@ -227,17 +235,17 @@ def _levels(frame: np.ndarray, by_rows: bool) -> np.ndarray:
     return np.median(frame, 1, keepdims=True) if by_rows else np.full((1, 1), median_of(frame))
 
 
-def _rough_gain(groups: Sequence[Group], peaks: Sequence[_Peaks]) -> float:
-    """DN per electron from the noise of the brightest flats, without any care."""
-    flats = [p for g, p in zip(groups, peaks) if g.kind == "flat"]
-    darks = [p for g, p in zip(groups, peaks) if g.kind != "flat"]
-    if not flats:
+def _rough_gain(flats: Sequence[_Peaks], quiet: float, floor: float) -> float:
+    """DN per electron from the noise of the brightest flats, without any care.
+
+    Args:
+        quiet: least noise of dark frames, DN.
+        floor: level of the darkest of them, DN.
+    """
+    bright = max(flats, key=lambda p: p.noise, default=None)
+    if bright is None or bright.level <= floor:
         return 0.0
-    bright = max(flats, key=lambda p: p.noise)
-    floor = min((float(median_of(p.second)) for p in darks), default=0.0)
-    quiet = min((p.noise for p in darks), default=0.0)
-    signal = float(median_of(bright.second)) - floor
-    return max(bright.noise**2 - quiet**2, 0.0) / signal if signal > 0 else 0.0
+    return max(bright.noise**2 - quiet**2, 0.0) / (bright.level - floor)
 
 
 def without_bands(measured: Measured, found: Findings) -> Measured:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize, stats
 
-from visaug.characterization.groups import FlatLevel
+from visaug.characterization.groups import COLLAPSE, FlatLevel
 from visaug.characterization.moments import GroupMoments
 from visaug.characterization.response import Response, response
 from visaug.core.intervals import Interval, jackknife, t_quantile
@@ -15,7 +15,6 @@ from visaug.frames.checks import SATURATED_SHARE
 from visaug.statistics.findings import FALSE_ALARM
 
 EVEN_DN = 0.6  # noise from which on rounding is an even error
-_COLLAPSE = 0.7  # variance below this share of the shot noise's tells clipping
 
 
 @dataclass(frozen=True)
@@ -126,7 +125,7 @@ def saturated_level(levels: Sequence[FlatLevel]) -> int | None:
     variances = np.array([v.flat.variance for v in levels])
     top = int(variances.argmax())
     # Near saturation single levels may stand out; EMVA 1288 looks for the last rise.
-    falls = top < len(levels) - 1 and variances[top + 1 :].min() < _COLLAPSE * variances[top]
+    falls = top < len(levels) - 1 and variances[top + 1 :].min() < COLLAPSE * variances[top]
     clips = levels[-1].flat.clipped_high > 0.001
     return top if falls or clips else None
 
@@ -264,7 +263,7 @@ def full_well(found: PhotonTransferResult, nonuniformity: float) -> tuple[float,
     expected = found.response.at(float(level.photons or 0.0)) / found.gain_dn_per_e
     spread = math.sqrt(expected + (nonuniformity * expected) ** 2)
     shot = level.variance_of_all / found.gain_dn_per_e**2
-    if converter_clips(level) or shot > _COLLAPSE * expected or expected - signal_e < 0.1 * spread:
+    if converter_clips(level) or shot > COLLAPSE * expected or expected - signal_e < 0.1 * spread:
         return None
 
     def excess(f: float) -> float:

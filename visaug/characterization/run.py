@@ -8,7 +8,17 @@ from typing import Literal
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.characterization import additivity, codes, dark, evenness, light, model_checks, paper, still
+from visaug.characterization import (
+    additivity,
+    codes,
+    dark,
+    evenness,
+    light,
+    model_checks,
+    paper,
+    photon_transfer,
+    still,
+)
 from visaug.characterization.clipped import clipped_frames
 from visaug.characterization.conditions import prepared
 from visaug.characterization.emva import emva
@@ -115,8 +125,23 @@ def checked(frames: FrameSet) -> Findings:
         )
     flats = [(n, m.group.indices) for n, m in enumerate(measured.moments) if m.group.kind == "flat"]
     found.lights = {ready.records[i].sequence: n for n, indices in flats for i in indices}
+    _without_unknown_light(found, measured)
     _measure(found, measured, None, 0, mosaic)
     return found
+
+
+def _without_unknown_light(found: Findings, measured: Measured) -> None:
+    """Flats beyond saturation whose photons are not known are not compared with a camera: their level does not tell these."""
+    levels = [v for v in measured.levels if v.flat.n > 1]
+    top = photon_transfer.saturated_level(levels) if levels else None
+    beyond = [] if top is None else [v.flat.group for v in levels[top + 1 :] if v.photons is None]
+    if beyond:
+        sequences = sorted(measured.frames.records[i].sequence for group in beyond for i in group.indices)
+        found.set_apart(
+            sequences,
+            f"saturated_flats: flats {first_of(sequences, 8)} are saturated, and their photons are not known: they are left out of "
+            "comparisons with a camera, since their level does not tell the light",
+        )
 
 
 def _measure(

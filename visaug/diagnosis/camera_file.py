@@ -3,6 +3,9 @@
 Each figure of the file is compared with the same figure as `visaug.characterization` measures it. Where both differ by far, and
 the figure as one of the usual mistakes would have changed it agrees with the measured one, the mistake is a candidate. The
 candidates are accepted together if simulated frames of the corrected camera are nearer to the measured ones, each of them in turn.
+
+Photons of flats with which the quantum efficiency would be above 1 are a mistake of the list of frames: no camera explains them.
+They are multiplied so that the efficiency of the file holds.
 """
 
 import math
@@ -31,6 +34,8 @@ BETTER = 10.0  # decrease of the robust misfit (a log likelihood) by a correctio
 SETS = 4  # simulated sets for the mean of a camera
 BLACK_DN = 5.0  # DN of a black level that is left out or subtracted already
 LIT = ("flat", "scene")
+EFFICIENCY = "quantum_efficiency"
+PHOTONS = 3.0  # ratio of efficiencies from which the photons are not those on a pixel
 DARK, DARK_RATE = "dark_current.a_e_per_s", "dark_current.rate_e_per_s"
 
 
@@ -42,7 +47,7 @@ class Mistake:
         key: path in the camera file.
         mistake: unit, inverse, variance, per_frame, time_unit, kelvin, per_cent, bit_depth, black_level or photons.
         text: a sentence.
-        value: the corrected figure.
+        value: the corrected figure; of photons that no efficiency explains, the efficiency that is kept.
         also: further figures that the correction changes.
     """
 
@@ -226,21 +231,37 @@ def _black_level(camera: Camera, measured: Mapping[str, Any]) -> Iterator[Mistak
 
 def _photons(file: Mapping[str, float], measured: Mapping[str, Any], known: set[str]) -> Iterator[Mistake]:
     """Photons of the flats that are not those of one pixel: the efficiency is off by far."""
-    key = "quantum_efficiency"
-    if key not in measured or key in known or GAIN in known:
+    if EFFICIENCY not in measured or known & {EFFICIENCY, GAIN}:
         return
-    found = measured[key].value
-    if abs(math.log(found / file[key])) > math.log(3.0):
-        text = (
-            f"The photons of the flats are not those on a pixel: with them the quantum efficiency is {found:.3g}, and "
-            f"{file[key]:g} in the file."
-        )
-        if found > 1:
-            text += (
-                " None is above 1: the photons of frames.csv are too low. Correct them there; until then all that follows from "
-                "light is wrong, the effects that are named among it."
-            )
-        yield Mistake(key, "photons", text, min(found, 1.0))
+    found, stated = measured[EFFICIENCY].value, file[EFFICIENCY]
+    if found <= 1 and abs(math.log(found / stated)) > math.log(PHOTONS):
+        yield Mistake(EFFICIENCY, "photons", _not_on_a_pixel(found, stated), found)
+
+
+def with_enough_photons(camera: Camera, frames: FrameSet) -> tuple[FrameSet, tuple[Mistake, ...]]:
+    """The frames, and a mistake where their flats have photons with which the efficiency is above 1: with more photons then."""
+    checks = None if frames.is_pictures else found_by_checks(frames)
+    if checks is None or EFFICIENCY not in checks.parameters:
+        return frames, ()
+    found, stated = checks.parameters[EFFICIENCY].value, camera.values()[EFFICIENCY]
+    if found <= max(1.0, PHOTONS * stated):
+        return frames, ()
+    more = found / stated
+    text = (
+        f"{_not_on_a_pixel(found, stated)} None is above 1: the photons of frames.csv are too low. Correct them there; here they "
+        f"are multiplied by {more:.3g}, with which the efficiency of the file holds."
+    )
+    records = [
+        replace(r, photons=more * r.photons) if r.kind == "flat" and r.photons else r for r in frames.records
+    ]
+    return frames.with_records(records), (Mistake(EFFICIENCY, "photons", text, stated),)
+
+
+def _not_on_a_pixel(found: float, stated: float) -> str:
+    return (
+        f"The photons of the flats are not those on a pixel: with them the quantum efficiency is {found:.3g}, and {stated:g} in "
+        "the file."
+    )
 
 
 def _exposure(camera: Camera, frames: FrameSet) -> Iterator[Mistake]:

@@ -9,7 +9,7 @@ from scipy.special import expit
 
 from visaug.diagnosis.considered import considered, considering
 from visaug.diagnosis.fitting.robust import p_value, standardised
-from visaug.diagnosis.outside import log_odds_outside
+from visaug.diagnosis.outside import LIKELIER, log_odds_outside
 from visaug.diagnosis.ranking import other_maximum, refitted
 from visaug.diagnosis.result import Diagnosis, Ranked, Step
 from visaug.diagnosis.stage import History, SearchStage, Setting
@@ -40,6 +40,7 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
     excess = bool(end.state.accepted) or (significant and is_clear(end.error))
     statistics = lab.measured[2].statistics
     outside = float(expit(log_odds_outside(end.state, statistics))) if end.state.accepted else None
+    is_left = end.is_missing or (outside or 0.0) > LIKELIER
     effects = () if lab.units else verdicts(setting, end)
     return Diagnosis(
         camera=end.state.camera,
@@ -55,9 +56,9 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
         steps=steps if excess else (),
         frames=_sequence_numbers(setting),
         ambiguous=tuple(pair for pair in end.ambiguous if _is_open(set(pair["effects"]), end)),
-        unexplained=residue(lab.measured[2], end.state, end.is_missing, nearest),
+        unexplained=residue(lab.measured[2], end.state, is_left, nearest),
         form=form(statistics, end.state),
-        cannot_show=cannot_show(setting.signs, first),
+        cannot_show=cannot_show(setting.signs, first, effects),
         used=lab.selection,
         warnings=(
             *lab.warnings,

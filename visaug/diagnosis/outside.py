@@ -40,6 +40,7 @@ from visaug.statistics import Statistic
 PRIOR = 0.05  # odds, before the frames are seen, of each way in which the cause is outside the catalogue
 OWN = (0.1, 1e6)  # smallest and largest t of a cause of its own
 SIZES = np.geomspace(1e-2, 1e6, 401)  # edges of the steps of t; below the first t counts as 0
+LIKELIER = 0.5  # probability of a cause outside the catalogue above which what is left is described, significant or not
 LEAST = 1e-6  # smallest mean square and variance that are used
 
 

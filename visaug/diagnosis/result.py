@@ -127,7 +127,7 @@ class Diagnosis(Reported):
         ranking: candidate effects, the most probable first.
         steps: the steps of the search, with the error after each.
         ambiguous: groups of effects that the frames do not distinguish, each with the frames that would.
-        unexplained: the remaining difference, if it is significant.
+        unexplained: the remaining difference, if it is significant or a cause outside the catalogue is likelier than its effects.
         form: remaining difference in the form of an accepted effect, in words.
         cannot_show: effects that these frames could not show even if they were strong.
         given: the camera file.

@@ -18,7 +18,7 @@ from visaug.core.nearest import did_you_mean
 from visaug.core.progress import beside
 from visaug.core.wording import counted
 from visaug.diagnosis.adding import SETS_AFTER, Adding
-from visaug.diagnosis.camera_file import corrected
+from visaug.diagnosis.camera_file import corrected, with_enough_photons
 from visaug.diagnosis.candidates.selection import candidates
 from visaug.diagnosis.candidates.signatures import scanned
 from visaug.diagnosis.candidates.trials import looked, trials
@@ -117,6 +117,7 @@ def diagnose(
     one_thread = threadpool_limits(1, user_api="blas")
     with one_thread, nullcontext() if cluster is None else connected(cluster) as ray:
         spread = None if cluster is None else by_ray(ray)
+        frames, of_light = with_enough_photons(camera, frames)
         lab = Laboratory(frames, camera, seed, spread=spread, report=report, **of_pictures)
         check_usable(lab)
         right, mistakes = corrected(camera, frames, lab)
@@ -128,7 +129,7 @@ def diagnose(
     if smoothed and found.unexplained is not None:
         residue = replace(found.unexplained, description=f"{SMOOTHED} {found.unexplained.description}")
         found = replace(found, unexplained=residue)
-    return replace(found, given=camera, frame_set=frames, seed=seed, camera_file=mistakes)
+    return replace(found, given=camera, frame_set=frames, seed=seed, camera_file=(*of_light, *mistakes))
 
 
 def diagnosed(

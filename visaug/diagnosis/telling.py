@@ -10,19 +10,20 @@ from visaug.diagnosis.fitting.reference import Reference
 from visaug.diagnosis.fitting.robust import standardised
 from visaug.diagnosis.residue import Residue, describe
 from visaug.diagnosis.state import State
+from visaug.diagnosis.verdict import Verdict
 from visaug.statistics import Fingerprint, Statistic
 from visaug.statistics.tail import SIGNIFICANT
 
 
-def residue(measured: Fingerprint, state: State, missing: bool, nearest: str | None) -> Residue | None:
-    """Describes the difference that no effect explains; None for an adequate camera.
+def residue(measured: Fingerprint, state: State, is_left: bool, nearest: str | None) -> Residue | None:
+    """Describes the difference that no effect explains; None where there is none.
 
     Args:
         measured: statistics of all frames.
-        missing: whether the camera is not adequate.
+        is_left: whether the camera is not adequate, or a cause outside the catalogue likelier than its effects.
         nearest: an effect that reduces the error but does not explain it.
     """
-    if not missing:
+    if not is_left:
         return None
     excess = _excess(measured, state.fitted.whole_residual)
     return describe(measured.statistics, state.whole.z, nearest, excess)
@@ -45,13 +46,21 @@ def form(statistics: Sequence[Statistic], state: State) -> str | None:
     )
 
 
-def cannot_show(signs: Signatures, first: Reference) -> tuple[str, ...]:
-    """Effects that these frames cannot show: no trial strength changes any statistic enough to be detected."""
+def cannot_show(signs: Signatures, first: Reference, judged: Sequence[Verdict] = ()) -> tuple[str, ...]:
+    """Effects that these frames cannot show: those that are not testable by their verdict.
+
+    Of an effect without a verdict, no trial strength changes any statistic enough to be detected.
+    """
+    verdicts = {one.effect: one.verdict for one in judged}
     seen: dict[str, float] = {}
     for trial, signature, variance in zip(signs.trials, signs.values, signs.variances, strict=True):
         moves, spread = (standardised(v, first.null_scale) for v in (signature, np.sqrt(variance)))
         seen[trial.effect] = max(seen.get(trial.effect, 0.0), float((np.abs(moves) + spread).max()))
-    return tuple(effect for effect, z in seen.items() if z < SHOWN)
+    return tuple(
+        effect
+        for effect, z in seen.items()
+        if (verdicts[effect] == "not testable" if effect in verdicts else z < SHOWN)
+    )
 
 
 def _excess(measured: Fingerprint, residual: np.ndarray) -> np.ndarray:

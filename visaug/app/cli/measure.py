@@ -312,7 +312,7 @@ def diagnose(
     inputs = replace(Inputs.of(camera, frames, output), transfer=transfer, options=tuple(chosen))
     cli.write_result(json_path, result.to_json())
     if report_path:
-        report.write_diagnosis(report_path, result, camera, frames, seed, inputs)
+        report.write_diagnosis(report_path, result, camera, result.frame_set or frames, seed, inputs)
     if not cli.is_silent(quiet, json_path):
         cli.written(output, part.file if part else None, json_path, report_path)
         summaries.print_next(next_step.after_diagnosis(result.to_json(), inputs))
