@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from importlib import resources
-from math import isinf
+from math import exp, isinf
 from pathlib import Path
 from typing import Any
 
@@ -274,6 +274,12 @@ class Camera:
     def gain_at(self, gain_db: float) -> float:
         """Electrons per DN at a gain in dB; 20 dB more is a tenth of the electrons per DN."""
         return self.spec.gain_e_per_dn * 10 ** ((self.spec.gain_db - gain_db) / 20)
+
+    def dark_rate_at(self, temperature_c: float | None = None) -> float:
+        """Dark current in e-/s at a temperature in degrees Celsius; None is that of the file."""
+        dark = self.spec.dark_current
+        at = self.spec.temperature_c if temperature_c is None else temperature_c
+        return dark.a_e_per_s * exp(dark.b_per_c * dark.exponent(at))
 
     def expose(
         self,

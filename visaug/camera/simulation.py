@@ -1,6 +1,5 @@
 """Frame sets as a camera would take them."""
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -119,8 +118,7 @@ def plan_for(camera: Camera) -> dict[str, Any]:
         "temperatures_c": (spec.temperature_c,),
         "gains_db": (spec.gain_db,),
     }
-    dark = spec.dark_current
-    rate = dark.a_e_per_s * math.exp(dark.b_per_c * dark.exponent(spec.temperature_c))
+    rate = camera.dark_rate_at()
     if rate > 0 and spec.read_noise.sigma_e > 0:
         equal = spec.read_noise.sigma_e**2 / rate
         longest = 0.5 * spec.saturation_photons * spec.quantum_efficiency / rate
@@ -165,7 +163,8 @@ def exposures(
         photons = torch.stack([_photons(plan, i, shape) for i in positions])
         alike = None
         if shared is not None:
-            alike = SharedSignals(shared, (camera.base, window, *positions), camera.further)
+            lit = tuple(plan.records[i].photons for i in positions)
+            alike = SharedSignals(shared, (camera.base, window, lit, *positions), camera.further)
         block = _exposed(camera, plan, positions, photons, seed, window, memory, maps, alike)
         got = [k for k, i in enumerate(positions) if i in wanted]
         if got:

@@ -77,7 +77,10 @@ class Laboratory:
         lights = {} if checks is None else checks.lights
         self.selection = select(_with_photons(frames, camera, (), lights))
         lit = _with_photons(frames, camera, self.selection.frames, lights)
-        self.parts: tuple[MeasuredFrames | PicturePart, ...] = parts_of(lit, self.selection, folds, report)
+        unknown = frozenset(r.sequence for r in frames.records if r.kind == "flat" and r.photons is None)
+        self.parts: tuple[MeasuredFrames | PicturePart, ...] = parts_of(
+            lit, self.selection, folds, report, unknown
+        )
         self.frames, self.folds = self.parts[0].frames, self.parts[0].folds
         self.sequences = tuple(record.sequence for record in self.frames.records)
 
@@ -210,7 +213,7 @@ def _places(statistics: Sequence[Statistic]) -> dict[tuple[str, str, str], int]:
 def _with_photons(
     frames: FrameSet, camera: Camera, used: Sequence[int], lights: Mapping[int, int]
 ) -> FrameSet:
-    """The set with the photons of uncalibrated flats taken from their level and the camera's gain and efficiency.
+    """The set with the photons of uncalibrated flats taken from their level and the camera's dark current, gain and efficiency.
 
     The level is that of the frames in use; of conditions that are not used, that of one frame.
 
@@ -230,7 +233,8 @@ def _with_photons(
             for same in alike.values():
                 read = [i for i in same if i in allowed] or same[:1]
                 level = float(np.mean([frames.read(i).mean(dtype=np.float64) for i in read]))
-                electrons = max(level - camera.spec.black_level_dn, 0.0) * camera.gain_at(group.gain_db)
-                levels |= dict.fromkeys(same, electrons / camera.spec.quantum_efficiency)
+                electrons = (level - camera.spec.black_level_dn) * camera.gain_at(group.gain_db)
+                light = electrons - camera.dark_rate_at(group.temperature_c) * (group.exposure_s or 0.0)
+                levels |= dict.fromkeys(same, max(light, 0.0) / camera.spec.quantum_efficiency)
     records = [replace(r, photons=levels[i]) if i in levels else r for i, r in enumerate(frames.records)]
     return frames.with_records(records)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,8 @@ from visaug.camera.history import DEEPEST, NOTHING, Reach
 from visaug.camera.simulation import exposures, has_clean
 from visaug.core.errors import InputError
 from visaug.core.recurrent import Recurrent
+from visaug.diagnosis.names import digest
+from visaug.diagnosis.unknown_light import Level, levels_of, photons_of
 from visaug.frames import FrameRecord, FrameSet
 from visaug.frames.frameset import simulated_set
 from visaug.statistics import (
@@ -30,6 +33,7 @@ from visaug.statistics.split import CONFIRM, FIND, WHOLE, Folds, share_out
 from visaug.statistics.subsample import MARGIN, Selection, Window
 
 Report = Callable[[str, int, int], None]
+LIGHT = 0  # seed of the simulations from which unknown light follows
 FULL_DEEPEST = 3  # full frames that are simulated before one that is used, at most: each costs as much as it
 
 
@@ -63,6 +67,7 @@ class MeasuredFrames:
         views: through which both are looked at.
         place: part of the sensor that the frames show, as text; empty if there is only one.
         deepest: frames before a used one that are simulated at most.
+        levels: flats whose photons are not known.
     """
 
     frames: FrameSet
@@ -72,6 +77,7 @@ class MeasuredFrames:
     views: tuple[View, ...]
     place: str = ""
     deepest: int = DEEPEST
+    levels: tuple[Level, ...] = ()
 
     def positions(self, use: str) -> tuple[int, ...]:
         """Of the discovery frames, of the hold-out frames, or of all."""
@@ -151,8 +157,19 @@ class MeasuredFrames:
         self, camera: Camera, seed: int, wanted: Sequence[int], signals: Recurrent | None = None
     ) -> list[np.ndarray]:
         """Simulated frames, (H, W) uint16, without the margin around their windows."""
+        return self._exposed(camera, self._lit(camera), seed, wanted, signals)
+
+    def _exposed(
+        self,
+        camera: Camera,
+        plan: FrameSet,
+        seed: int,
+        wanted: Sequence[int],
+        signals: Recurrent | None = None,
+    ) -> list[np.ndarray]:
+        """The same of another plan."""
         keep = [self.keep[k] for k in wanted]
-        blocks = exposures(camera, self.plan, seed, keep, self.deepest, signals)
+        blocks = exposures(camera, plan, seed, keep, self.deepest, signals)
         frames = [frame for _, block in blocks for frame in block.squeeze(1).numpy().astype(np.uint16)]
         shown = [
             (self.plan.records[i].window, self.frames.records[k].window)
@@ -162,6 +179,35 @@ class MeasuredFrames:
             frame if wider == window else _cut(frame, wider or (0, frame.shape[0], 0, frame.shape[1]), window)
             for frame, (wider, window) in zip(frames, shown, strict=True)
         ]
+
+    def _lit(self, camera: Camera) -> FrameSet:
+        """The plan with the photons of a camera where they are not known."""
+        if not self.levels:
+            return self.plan
+        name = digest(
+            camera.to_dict(), [(key, values.numpy().tobytes()) for key, values in camera.maps.items()]
+        )
+        if name not in self._lights:
+            self._lights[name] = photons_of(camera, self.levels, self._simulated_levels)
+        return self._with_light(self._lights[name])
+
+    @cached_property
+    def _lights(self) -> dict[str, list[float]]:
+        """Photons of the levels, by camera."""
+        return {}
+
+    def _simulated_levels(self, camera: Camera, photons: Sequence[float]) -> np.ndarray:
+        wanted = sorted({k for level in self.levels for k in level.shown})
+        frames = self._exposed(camera, self._with_light(photons), LIGHT, wanted)
+        means = {k: float(frame.mean(dtype=np.float64)) for k, frame in zip(wanted, frames, strict=True)}
+        return np.array([np.mean([means[k] for k in level.shown]) for level in self.levels])
+
+    def _with_light(self, photons: Sequence[float]) -> FrameSet:
+        lit = {i: p for level, p in zip(self.levels, photons, strict=True) for i in level.planned}
+        records = self.plan.records
+        return self.plan.with_records(
+            [replace(r, photons=lit[i]) if i in lit else r for i, r in enumerate(records)]
+        )
 
     def _cleans(self, positions: Iterable[int]) -> dict[str, np.ndarray]:
         records = self.frames.records
@@ -173,7 +219,7 @@ class MeasuredFrames:
 
     def identity(self) -> tuple:
         """What a simulation depends on, as something that prints as what it is."""
-        return _identity(self.frames), _identity(self.plan), self.keep, self.deepest, self.folds
+        return _identity(self.frames), _identity(self.plan), self.keep, self.deepest, self.folds, self.levels
 
     def without_pixels(self) -> MeasuredFrames:
         """The same for simulations alone, which may go to another machine."""
@@ -186,27 +232,36 @@ class MeasuredFrames:
 
 
 def parts_of(
-    frames: FrameSet, selection: Selection, folds: bool = True, report: Report | None = None
+    frames: FrameSet,
+    selection: Selection,
+    folds: bool = True,
+    report: Report | None = None,
+    unknown: frozenset[int] = frozenset(),
 ) -> tuple[MeasuredFrames, ...]:
     """What is measured of a set: its frames, or windows of them and full frames.
 
     Args:
         folds: False takes all frames as ones that find.
         report: called with (description, done, total) while frames are read.
+        unknown: sequence numbers of the flats whose photons are not known; their records have those that were assumed.
     """
+
+    def part(
+        shown: FrameSet, folds: Folds, plan: FrameSet, keep: tuple[int, ...], views: tuple[View, ...]
+    ) -> MeasuredFrames:
+        return MeasuredFrames(shown, folds, plan, keep, views, levels=levels_of(shown, plan, keep, unknown))
+
     if selection.is_all:
         kept = tuple(range(len(frames)))
         shared = share_out(frames) if folds else Folds(kept, (), ())
-        return (
-            MeasuredFrames(_held(frames, report), shared, _plan(frames, kept, kept, None, 0), kept, VIEWS),
-        )
+        return (part(_held(frames, report), shared, _plan(frames, kept, kept, None, 0), kept, VIEWS),)
     sequence = _known(frames, selection)
     place = {i: k for k, i in enumerate(sequence)}
     keep = tuple(place[i] for i in selection.frames)
     taken = _read(frames, selection.frames, selection.window, report)
     shared = share_out(taken) if folds else Folds(tuple(range(len(taken))), (), ())
     wider = selection.window and _wider(selection.window, *selection.size)
-    first = MeasuredFrames(
+    first = part(
         taken,
         shared,
         _plan(frames, sequence, keep, wider, DEEPEST),
@@ -220,16 +275,14 @@ def parts_of(
     shared = Folds(
         tuple(own[i] for i in selection.full.fit), (), tuple(own[i] for i in selection.full.confirm)
     )
-    full = MeasuredFrames(
+    full = part(
         _read(frames, selection.full_frames, None, report),
         shared if folds else Folds(tuple(range(len(keep))), (), ()),
         _plan(frames, sequence, keep, None, FULL_DEEPEST),
         keep,
         OF_FULL_FRAMES,
-        "full frames",
-        FULL_DEEPEST,
     )
-    return first, full
+    return first, replace(full, place="full frames", deepest=FULL_DEEPEST)
 
 
 def _identity(frames: FrameSet) -> tuple:
