@@ -77,3 +77,24 @@ def test_the_edge_of_saturation_is_no_cosmic_ray(share):
     """Most pixels stay at the full well there, and a few are below it in one of two frames."""
     frames = lit(np.array([0.1, 0.3, 0.5, 0.7, 0.9, share]) * FULL, seed=3)
     assert not [w for w in characterize(frames).warnings if w.startswith("cosmic_rays")]
+
+
+def test_flats_of_a_small_window_beside_full_frames_are_no_levels_of_these():
+    whole = lit(np.array([0.1, 0.3, 0.5, 0.7]) * FULL)
+    r0, r1, c0, c1 = window = (8, 24, 10, 40)
+    other = lit(np.array([0.2, 0.6]) * FULL, seed=2)
+    parts = [i for i, r in enumerate(other.records) if r.kind in ("bias", "flat")]
+    records = [
+        *whole.records,
+        *(
+            replace(other.records[i], sequence=len(whole) + k, file=f"{k}", window=window)
+            for k, i in enumerate(parts)
+        ),
+    ]
+    pixels = [whole.read(i) for i in range(len(whole))]
+    pixels += [other.read(i)[r0:r1, c0:c1] for i in parts]
+    both = FrameSet.from_arrays(records, [p.astype(np.uint16) for p in pixels], bit_depth=16)
+    found, alone = characterize(both), characterize(whole)
+    assert any(w.startswith("flats_of_windows") for w in found.warnings)
+    for key in ("gain_e_per_dn", "quantum_efficiency", "prnu.pixel"):
+        assert found.parameters[key].value == pytest.approx(alone.parameters[key].value, rel=1e-6)

@@ -198,11 +198,12 @@ def test_what_lies_in_a_corner_or_at_an_edge_is_seen_there(change, where, modell
         assert where in far
 
 
-def test_frames_of_another_window_are_left_out_and_named():
+@pytest.mark.parametrize("budget", [400_000, 10**9])
+def test_frames_of_another_window_are_left_out_and_named(budget):
     records = [FrameRecord(i, f"{i}.npy", "bias", 0.0, 20.0) for i in range(30)]
     records += [replace(records[0], sequence=30 + i, window=(0, 50, 0, 60)) for i in range(3)]
     pixels = [np.zeros((150, 200), np.uint16)] * 30 + [np.zeros((50, 60), np.uint16)] * 3
-    chosen = select(FrameSet.from_arrays(records, pixels), budget=400_000)
+    chosen = select(FrameSet.from_arrays(records, pixels), budget=budget)
     assert chosen.left_out[0].startswith("mixed_windows: 3 of 33")
     assert "image_lag" in chosen.left_out[0]
     assert max(chosen.frames) < 30

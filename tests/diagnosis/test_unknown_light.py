@@ -95,7 +95,9 @@ def test_a_simulated_flat_of_unknown_photons_has_the_measured_level(frames, chan
     one = change(camera)
     taken = part.take(one, 5)
     for same in conditions.values():
-        made, measured = (np.mean([of.read(i).mean(dtype=float) for i in same]) for of in (taken, part.frames))
+        made, measured = (
+            np.mean([of.read(i).mean(dtype=float) for i in same]) for of in (taken, part.frames)
+        )
         assert made - measured == pytest.approx(0, abs=0.2 + 0.004 * float(measured - SENSOR.pedestal_dn))
 
 

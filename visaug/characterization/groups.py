@@ -173,7 +173,8 @@ def _with_rate(level: FlatLevel, lines: Sequence[Slope]) -> FlatLevel:
 
 def _pair(moments: list[GroupMoments]) -> tuple[FlatLevel, ...]:
     """Each flat with the dark or bias frames of nearest temperature and exposure in the same window.
-    Of a flat of unknown temperature the exposure alone decides.
+    Of a flat of unknown temperature the exposure alone decides. Of several windows the one with the most levels is taken, the
+    largest of those: rows of one window are not those of another.
     """
     levels = []
     for flat in (m for m in moments if m.group.kind == "flat"):
@@ -190,4 +191,7 @@ def _pair(moments: list[GroupMoments]) -> tuple[FlatLevel, ...]:
         )
         if dark is not None:
             levels.append(FlatLevel(flat, dark))
+    windows = Counter(v.flat.place for v in levels)
+    chosen = max(windows, key=lambda p: (windows[p], math.prod(p[0]), nearness(p[1])), default=None)
+    levels = [v for v in levels if v.flat.place == chosen]
     return tuple(sorted(levels, key=lambda v: (v.photons if v.photons is not None else v.signal, v.signal)))

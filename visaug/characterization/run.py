@@ -147,6 +147,11 @@ def _without_unknown_light(found: Findings, measured: Measured) -> None:
 def _measure(
     found: Findings, measured: Measured, camera: Camera | None, seed: int, mosaic: Mosaic | None
 ) -> None:
+    if len({m.place for m in measured.moments if m.group.kind == "flat"}) > 1:
+        found.warn(
+            "flats_of_windows: flats show several windows of the sensor; gain, quantum efficiency, PRNU and full well are those of "
+            "the window with the most levels"
+        )
     measured = model_checks.tested(measured, found)
     flickers = still.flicker(measured)
     dark_tells = not flickers and all(still.tells(v.dark) for v in measured.sweep)

@@ -97,7 +97,7 @@ class Selection:
 
 
 def select(frames: FrameSet, budget: int = 3_600_000, full: int = 4_000_000) -> Selection:
-    """The frames, and the window of them, that are simulated; all of a small set.
+    """The frames, and the window of them, that are simulated; all of a small set that shows one window of the sensor.
 
     Args:
         frames: of any size.
@@ -110,7 +110,7 @@ def select(frames: FrameSet, budget: int = 3_600_000, full: int = 4_000_000) -> 
     sizes = _sizes(frames)
     total = sum(rows * columns for rows, columns in sizes)
     rows, columns = max(sizes)
-    if total <= budget:
+    if total <= budget and len({r.window for r in frames.records}) == 1:
         return Selection(len(frames), (rows, columns), _corner(frames, 0), tuple(range(len(frames))))
     usable, left_out = _of_one_window(frames, sizes)
     rows, columns = sizes[usable[0]]
