@@ -9,7 +9,7 @@ from benchmark.sets import camera_yaml
 from benchmark.small import PLAN, SENSOR
 from visaug import Camera, FrameSet, compare
 from visaug.diagnosis.laboratory import Laboratory
-from visaug.diagnosis.unknown_light import SAME, Level, photons_of
+from visaug.diagnosis.unknown_light import SAME, UnmeasuredLight, photons_of
 from visaug.frames import FrameRecord
 
 CAMERA = Camera.load(
@@ -24,7 +24,7 @@ CAMERA = Camera.load(
         "temperature_c": 20.0,
     }
 )
-LEVELS = tuple(Level(dn, (0,), (0,), 0.5, 10.0, 0.0) for dn in (300.0, 1100.0))
+LEVELS = tuple(UnmeasuredLight(dn, (0,), (0,), 0.5, 10.0, 0.0) for dn in (300.0, 1100.0))
 
 
 def test_photons_of_a_plain_camera_are_those_of_its_level_without_dark_current():

@@ -16,7 +16,7 @@ from visaug.camera.simulation import exposures, has_clean
 from visaug.core.errors import InputError
 from visaug.core.recurrent import Recurrent
 from visaug.diagnosis.names import digest
-from visaug.diagnosis.unknown_light import Level, levels_of, photons_of
+from visaug.diagnosis.unknown_light import UnmeasuredLight, levels_of, photons_of
 from visaug.frames import FrameRecord, FrameSet
 from visaug.frames.frameset import simulated_set
 from visaug.statistics import (
@@ -77,7 +77,7 @@ class MeasuredFrames:
     views: tuple[View, ...]
     place: str = ""
     deepest: int = DEEPEST
-    levels: tuple[Level, ...] = ()
+    levels: tuple[UnmeasuredLight, ...] = ()
 
     def positions(self, use: str) -> tuple[int, ...]:
         """Of the discovery frames, of the hold-out frames, or of all."""

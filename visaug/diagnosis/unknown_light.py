@@ -21,7 +21,7 @@ Levels = Callable[
 ]  # (levels,) simulated means in DN of the light of each
 
 
-class Level(NamedTuple):
+class UnmeasuredLight(NamedTuple):
     """Flats of one setting of the lamp whose photons are not known.
 
     Attributes:
@@ -50,7 +50,7 @@ class Level(NamedTuple):
 
 def levels_of(
     frames: FrameSet, plan: FrameSet, keep: Sequence[int], unknown: frozenset[int]
-) -> tuple[Level, ...]:
+) -> tuple[UnmeasuredLight, ...]:
     """The levels of a part whose photons are not known, of those that are measured.
 
     Args:
@@ -73,11 +73,11 @@ def levels_of(
         shown = tuple(places[i] for i in own if i in places)
         if shown:
             dn = float(np.mean([frames.read(k).mean(dtype=np.float64) for k in shown]))
-            found.append(Level(dn, shown, tuple(own), exposure or 0.0, temperature, gain))
+            found.append(UnmeasuredLight(dn, shown, tuple(own), exposure or 0.0, temperature, gain))
     return tuple(found)
 
 
-def photons_of(camera: Camera, levels: Sequence[Level], simulated: Levels) -> list[float]:
+def photons_of(camera: Camera, levels: Sequence[UnmeasuredLight], simulated: Levels) -> list[float]:
     """(levels,) the photons with which a camera gives the measured levels.
 
     Those of a camera without further effects follow from its parameters. Further effects change them by the ratio of the light of
