@@ -59,17 +59,34 @@ def test_light_that_alternates_from_frame_to_frame_has_one_level():
     assert len(group) == 8
 
 
-def test_saturated_flats_of_unknown_photons_are_not_compared():
+@pytest.mark.parametrize("edge", [0.99, 1.2])
+def test_saturated_flats_of_unknown_photons_are_not_compared(edge):
     """Their level does not tell the light: nothing else of the set is left out, and with photons nothing at all."""
-    frames = lit(np.array([0.1, 0.3, 0.5, 0.7, 0.9, 1.2, 1.5]) * FULL)
+    frames = lit(np.array([0.1, 0.3, 0.5, 0.7, 0.9, edge, 1.5]) * FULL)
     shape = frames.shape(0)
     assert len(usable(frames, shape)) == len(frames)
     made = usable(blank(frames), shape)
     assert sorted({r.sequence for r in frames.records} - {r.sequence for r in made.records}) == [
-        r.sequence for r in frames.records if (r.photons or 0) > FULL
+        r.sequence for r in frames.records if (r.photons or 0) > 0.95 * FULL
     ]
     (said,) = [w for w in all_warnings(made) if w.startswith("saturated_flats")]
     assert "photons are not known" in said
+
+
+def test_flats_below_saturation_are_all_compared():
+    for levels in ([0.1, 0.3, 0.5, 0.7, 0.9], [0.5], [0.9, 0.95]):
+        frames = blank(lit(np.array(levels) * FULL, flat=1))
+        assert len(usable(frames, frames.shape(0))) == len(frames)
+
+
+def test_saturated_flats_of_another_gain_are_not_compared():
+    """At a tenth of the gain in e-/DN the converter's top is at 1310 e-."""
+    records = plan(photons=(1000.0, 3000.0, 6000.0), temperatures=(20.0,), flat=2, gains=(20.0,))
+    records = [replace(r, photons=9 * r.photons) if r.photons and r.gain_db else r for r in records]
+    frames = blank(SENSOR.expose(records, 3))
+    made = {r.sequence for r in usable(frames, frames.shape(0)).records}
+    left = [r for r in records if r.sequence not in made]
+    assert {(r.kind, r.gain_db, r.photons) for r in left} == {("flat", 20.0, 9 * 450.0)}
 
 
 @pytest.mark.parametrize("share", [0.99, 1.0, 1.01, 1.02, 1.03])

@@ -130,6 +130,22 @@ def saturated_level(levels: Sequence[FlatLevel]) -> int | None:
     return top if falls or clips else None
 
 
+def clipped_levels(levels: Sequence[FlatLevel]) -> Sequence[FlatLevel]:
+    """Those whose pixels reach saturation, where the variance over time and over the pixels falls, or pixels clip.
+
+    A level is clear of it where three standard deviations of the widest level lie between.
+    """
+    if not levels:
+        return []
+    levels = sorted(levels, key=lambda v: v.signal)
+    variances = np.array([max(v.flat.variance, 0.0) + v.flat.spatial_variance for v in levels])
+    top = int(variances.argmax())
+    falls = variances[top:].min() < COLLAPSE * variances[top]
+    if not falls and levels[-1].flat.clipped_high <= SATURATED_SHARE:
+        return []
+    return [v for v in levels if v.signal + 3 * math.sqrt(variances[top]) > levels[-1].signal]
+
+
 def safe_levels(levels: Sequence[FlatLevel], saturation: int | None, dark_tells: bool) -> tuple[int, ...]:
     safe = 0.85  # of saturation: the camera's own gain may use more levels than the standard's fit
     limit = math.inf if saturation is None else safe * levels[saturation].signal

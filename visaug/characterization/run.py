@@ -131,12 +131,15 @@ def checked(frames: FrameSet) -> Findings:
 
 
 def _without_unknown_light(found: Findings, measured: Measured) -> None:
-    """Flats beyond saturation whose photons are not known are not compared with a camera: their level does not tell these."""
-    levels = [v for v in measured.levels if v.flat.n > 1]
-    top = photon_transfer.saturated_level(levels) if levels else None
-    beyond = [] if top is None else [v.flat.group for v in levels[top + 1 :] if v.photons is None]
-    if beyond:
-        sequences = sorted(measured.frames.records[i].sequence for group in beyond for i in group.indices)
+    """Flats at saturation whose photons are not known are not compared with a camera: their level does not tell these."""
+    groups = [
+        v.flat.group
+        for levels in (measured.levels, *measured.other_gains.values())
+        for v in photon_transfer.clipped_levels(levels)
+        if v.photons is None
+    ]
+    if groups:
+        sequences = sorted(measured.frames.records[i].sequence for group in groups for i in group.indices)
         found.set_apart(
             sequences,
             f"saturated_flats: flats {first_of(sequences, 8)} are saturated, and their photons are not known: they are left out of "
