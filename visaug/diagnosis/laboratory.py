@@ -15,6 +15,7 @@ from visaug.diagnosis import store
 from visaug.diagnosis.names import Names
 from visaug.diagnosis.part import MeasuredFrames, parts_of
 from visaug.diagnosis.spread import Job, Spread, Work, on_this_machine
+from visaug.diagnosis.unknown_light import UnmeasuredLight
 from visaug.frames import FrameSet
 from visaug.pictures.part import PicturePart, picture_part
 from visaug.statistics import Fingerprint, Statistic
@@ -233,8 +234,8 @@ def _with_photons(
             for same in alike.values():
                 read = [i for i in same if i in allowed] or same[:1]
                 level = float(np.mean([frames.read(i).mean(dtype=np.float64) for i in read]))
-                electrons = (level - camera.spec.black_level_dn) * camera.gain_at(group.gain_db)
-                light = electrons - camera.dark_rate_at(group.temperature_c) * (group.exposure_s or 0.0)
-                levels |= dict.fromkeys(same, max(light, 0.0) / camera.spec.quantum_efficiency)
+                under = group.exposure_s or 0.0, group.temperature_c, group.gain_db
+                light = UnmeasuredLight(level, tuple(read), tuple(same), *under)
+                levels |= dict.fromkeys(same, light.photons(camera))
     records = [replace(r, photons=levels[i]) if i in levels else r for i, r in enumerate(frames.records)]
     return frames.with_records(records)

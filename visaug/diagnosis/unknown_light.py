@@ -16,9 +16,8 @@ ROUNDS = 3  # of simulations at most
 SAME = 2e-4  # relative change of the light that noise makes, and that is none
 MOST = 2.0  # factor by which a round changes the light at most
 
-Levels = Callable[
-    [Camera, Sequence[float]], np.ndarray
-]  # (levels,) simulated means in DN of the light of each
+# (levels,) simulated means of a camera, in DN, with these photons
+Levels = Callable[[Camera, Sequence[float]], np.ndarray]
 
 
 class UnmeasuredLight(NamedTuple):
